@@ -3,6 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(shell find src fmus -type f -not -name '*.pyc' -not -name reference.csv) build_fmus.py
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+BY_FILE = -n 2 --dist loadfile  # what the tests of a file share is computed once; the files with the most tests come first
 unexport PYTHONDONTWRITEBYTECODE  # hundreds of processes would each compile what they import
 
 .PHONY: demo test fast lint types unit scenarios slow bench release fmus ziglang clean
@@ -27,13 +28,13 @@ types: .venv/installed
 	$(BIN)/mypy
 
 unit: fmus
-	$(BIN)/pytest -q -n 2 -m "not slow" --durations=25
+	GAPSENSE_BUILT=build/fmus $(BIN)/pytest -q $(BY_FILE) -m "not slow" --durations=25
 
 scenarios: fmus
 	$(BIN)/gapsense test scenarios --junit build/scenarios.xml
 
 slow: fmus ziglang
-	$(BIN)/pytest -q -n 2 -m slow
+	GAPSENSE_BUILT=build/fmus $(BIN)/pytest -q $(BY_FILE) -m slow --durations=40
 
 bench: fmus
 	$(INSTALL) --editable '.[dev,peers]'

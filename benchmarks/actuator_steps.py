@@ -16,10 +16,9 @@ from c_loop import Rows as Floats
 from c_loop import replay
 from experiment import ROOT, Experiment
 
-from gapsense.cosim.prepare import prepare
+from gapsense.cosim.check import prepare
 from gapsense.cosim.run.master import Master
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.signals import ports
+from gapsense.cosim.scenario.records import Port, ports
 
 MANY = 11  # micro-steps in a step
 Costs = dict[str, list[float]]

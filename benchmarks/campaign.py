@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 import gapsense
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
+from gapsense.cosim.scenario.read import CAMPAIGN_FILE
 from gapsense.many.campaign import about_of
 from gapsense.many.columns import Columns, contents
 from gapsense.many.prepare import prepare

@@ -7,10 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.prepare import prepare
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.records import Port, Scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENARIO = ROOT / "scenarios" / "semera_valve"

@@ -13,7 +13,7 @@ from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component
 
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 from gapsense.fmi.components import kernel_parameters
 from gapsense.fmi.ports import Component
 from gapsense.kernels.kernel import Kernel

@@ -17,7 +17,7 @@ import fmpy
 from experiment import COUNT, ROOT, STEP, WATCHED, Experiment, common, component_steps, reference, start_values
 from fmpy.fmi2 import FMU2Slave
 
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 
 Outcome = tuple[float, int, dict[str, float]]
 

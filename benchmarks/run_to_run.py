@@ -21,7 +21,7 @@ from experiment import ROOT
 from rich.console import Console
 from rich.table import Table
 
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 
 SCENARIO, VARIANT = ROOT / "scenarios" / "run_to_run", "model"
 PARTS = {"mhe": "Mhe", "controller": "RunToRun"}

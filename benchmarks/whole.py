@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 import gapsense
-from gapsense.cosim.prepare import prepare
+from gapsense.cosim.check import prepare
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.run import run_once
 

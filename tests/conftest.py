@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -15,7 +16,9 @@ import typer.testing
 from hypothesis import HealthCheck, settings
 
 from gapsense._os import locks
-from gapsense._os.native import NativeError
+from gapsense._os.native import ZIG, NativeError, zig_version
+from gapsense.fmi.components import find_components
+from gapsense.fmi.native import package
 from gapsense.fmi.native.platforms import chosen, compilers
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -60,8 +63,9 @@ def build(out: Path, *options: str) -> None:
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The Python FMUs."""
-    return built(tmp_path_factory, "fmus")
+    """The Python FMUs; those in the folder `GAPSENSE_BUILT`, which `make` has just built, need not be built again."""
+    ready = os.environ.get("GAPSENSE_BUILT")
+    return once(tmp_path_factory, "fmus", partial(shutil.copytree, ROOT / ready) if ready else build)
 
 
 @pytest.fixture(scope="session")
@@ -78,3 +82,18 @@ def natives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     except NativeError as error:
         pytest.skip(f"no C compiler for native FMUs: {error}")
     return built(tmp_path_factory, "natives", "--platforms", "here")
+
+
+@pytest.fixture(scope="session")
+def everywhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The native FMUs for Linux and Windows, and for Linux on aarch64."""
+    if zig_version() != ZIG:
+        pytest.skip(f"no ziglang {ZIG}, which compiles for other platforms")
+
+    def make(out: Path) -> None:
+        out.mkdir()
+        assert [
+            None for _ in package.build(find_components(ROOT / "fmus"), out, ("linux64", "win64", "aarch64-linux"), {})
+        ]
+
+    return once(tmp_path_factory, "everywhere", make)

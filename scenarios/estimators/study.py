@@ -52,7 +52,7 @@ def estimators(
 
 def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Path | None, to: Path) -> cosim.Sweep:
     """The runs of one condition."""
-    from gapsense.cosim.scenario.signals import recorded_signals
+    from gapsense.cosim.scenario.records import recorded_signals
 
     from . import measures
 
@@ -65,5 +65,5 @@ def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Pat
     for index, error in swept.errors.items():
         problem(f"{read.name}, run {index}: {error}")
     if swept.interrupted or swept.errors:
-        raise typer.Exit(INTERRUPTED if swept.interrupted else COMPONENT_FAILED)
+        raise SystemExit(INTERRUPTED if swept.interrupted else COMPONENT_FAILED)
     return swept

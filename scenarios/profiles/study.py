@@ -41,7 +41,7 @@ def profiles(
 def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to: Path) -> None:
     """One variant: its sweep, then what came out."""
     from gapsense import cosim
-    from gapsense.cosim.scenario.signals import recorded_signals
+    from gapsense.cosim.scenario.records import recorded_signals
 
     from .experiment import require
 
@@ -52,10 +52,10 @@ def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to
     for index, error in swept.errors.items():
         problem(f"run {index}: {error}")
     if swept.interrupted or not swept.kept:
-        raise typer.Exit(common.INTERRUPTED if swept.interrupted else common.COMPONENT_FAILED)
+        raise SystemExit(common.INTERRUPTED if swept.interrupted else common.COMPONENT_FAILED)
     evaluated(swept.kept, to)
     if swept.errors:
-        raise typer.Exit(common.COMPONENT_FAILED)
+        raise SystemExit(common.COMPONENT_FAILED)
 
 
 def evaluated(files: Sequence[Path], to: Path) -> None:

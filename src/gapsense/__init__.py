@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from gapsense.components import Semera as Semera
     from gapsense.components import Sensor as Sensor
     from gapsense.components import SolenoidValve as SolenoidValve
-    from gapsense.cosim.prepare import check as check
+    from gapsense.cosim.check import check as check
     from gapsense.cosim.result.result import Result as Result
     from gapsense.cosim.result.result import read_result as read_result
     from gapsense.cosim.run.run import run as run
@@ -91,7 +91,7 @@ _PLACES = {  # where each is
     **dict.fromkeys(
         ("Found", "commission", "compare", "estimate", "gap_law", "identify", "inspect"), "gapsense.functions"
     ),
-    "check": "gapsense.cosim.prepare",
+    "check": "gapsense.cosim.check",
     "run": "gapsense.cosim.run.run",
     "campaign": "gapsense.many.campaign",
     "check_study": "gapsense.many.prepare",

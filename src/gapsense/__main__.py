@@ -9,9 +9,9 @@ _signal.signal(_signal.SIGINT, lambda *_: (os.write(2, b"interrupted.\n"), os._e
 
 def main() -> None:
     """Run the command that the arguments name; others are not loaded."""
-    from gapsense.cli import loaded
+    from gapsense.cli import start
 
-    loaded(*sys.argv[1:2])()
+    start(sys.argv[1:])
 
 
 if __name__ == "__main__":

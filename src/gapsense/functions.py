@@ -18,6 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from gapsense.identification.options import MODELS, documented
 from gapsense.problems import InputError
 from gapsense.shipped import record as shipped
 
@@ -34,7 +35,6 @@ File: TypeAlias = "str | Path"
 Data: TypeAlias = "File | Mapping[str, Any] | Sequence[File | Mapping[str, Any]]"
 Several: TypeAlias = "str | Sequence[str] | Mapping[str, object]"
 Progress: TypeAlias = Callable[[int, int], None]
-MODELS = ("auto", "coil", "solenoid_valve")
 RTOL, EDGE_STEPS = 1e-9, 1
 UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1", "temperature": "degC"}
 
@@ -45,11 +45,16 @@ def quiet(done: int, total: int) -> None:
 
 @dataclass(frozen=True, repr=False)
 class Found:
-    """What a function found: `print(found)` shows what the command of the same name prints."""
+    """What a function found: `print(found)` shows what the command of the same name prints.
+
+    What was fitted has a standard error, `found.standard_errors["coil.resistance"]` in Ohm: infinite, if the records do
+    not tell the value at all.
+    """
 
     shown: Sequence[Table | str]  # tables and sentences
     passed: bool = True  # False where the command ends with exit code 1
     parameters: Mapping[str, Any] = field(default_factory=dict)  # by name, as `coil.resistance`, in SI units
+    standard_errors: Mapping[str, float] = field(default_factory=dict)  # of those that were fitted, in the same units
     signals: Mapping[str, npt.NDArray[np.float64]] = field(default_factory=dict)  # by `Estimator.output`
     doubts: Sequence[str] = ()  # what cannot be right, and why
     notes: Sequence[str] = ()  # about the record, and what was left out
@@ -75,6 +80,7 @@ class Found:
         return self.drawn()
 
 
+@documented
 def inspect(
     data: Data,
     *,
@@ -87,23 +93,6 @@ def inspect(
     figure: File | None = None,
 ) -> Found:
     """Tell what a record of voltage and current can give, before anything is fitted to it.
-
-    Parameters
-    ----------
-    data : path, mapping of arrays, or several of them
-        CSV files with the columns time [s], voltage [V], current [A], or arrays by these names.
-    period : float, optional
-        Length of an operation [s]; by default operations end at rest.
-    resistance : float, optional
-        Of the coil, by a meter [Ohm].
-    column : mapping, optional
-        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
-    separator, decimal : str
-        Of the cells of a CSV file, and of its numbers.
-    clipped : bool
-        Accept signals at the limits of their converter.
-    figure : path, optional
-        PNG, PDF or SVG file to write.
 
     Returns
     -------
@@ -119,7 +108,6 @@ def inspect(
     from gapsense.identification.inspection.show import inspection_figure, inspection_tables
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.show import about
-    from gapsense.report import plot
 
     picture = checked(figure)
     how = reading(pairs(column), separator=separator, decimal=decimal, may_clip=True)
@@ -127,14 +115,10 @@ def inspect(
         records = read_records(paths, how, needs="samples")
     found = [facts(record, period, clipped) for record in records]
     shown = [part for r, f in zip(records, found) for part in (*inspection_tables(r, f, resistance), *about(r))]
-
-    def draw() -> Figure:
-        return inspection_figure(records, found)
-
-    written = [plot.save(draw(), picture)] if picture else []
-    return Found(shown, drawn=draw, files=written)
+    return answer(shown, lambda: inspection_figure(records, found), picture)
 
 
+@documented
 def identify(
     data: Data,
     *,
@@ -163,72 +147,29 @@ def identify(
 ) -> Found:
     """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
 
-    Parameters
-    ----------
-    data : path, mapping of arrays, or several of them
-        CSV files with the columns time [s], voltage [V], current [A], or arrays by these names.
-    model : str
-        What was measured: auto, coil or solenoid_valve.
-    commission : bool
-        All parameters of `Mhe`, as `gapsense.commission`.
-    parameters : path, optional
-        Parameter-set file: what is known (stops, gap law, spring), and first guesses.
-    assume : bool
-        Assume what is not given; it is listed and marked, and answers are relative then.
-    validate : as data
-        Records that are kept for the validation.
-    period : float, optional
-        Length of an operation [s]; by default operations end at rest.
-    voltage : str
-        Voltage between two samples: auto, trapezoid, end or start.
-    temperature : str, optional
-        Of each record [degC], as `"23,60,85"`.
-    forms : str
-        What the model may have more: auto, plain, or names with commas between.
-    hold : str or sequence of str
-        Parameters that keep their values.
-    inductance : path, optional
-        CSV file with gap [mm] and inductance [mH], for the gap law.
-    driver, accuracy : str, optional
-        Of a recorded command, as `"series=0.2,drop=0.7"`, and of the instruments in percent, as `"voltage=0.5"`.
-    column : mapping, optional
-        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
-    separator, decimal : str
-        Of the cells of a CSV file, and of its numbers.
-    clipped : bool
-        Accept signals at the limits of their converter.
-    starts, seed : int
-        Starts of the least squares, and the seed of those that are random.
-    out : path, optional
-        Parameter-set file to write.
-    figure : path, optional
-        PNG, PDF or SVG file to write.
-    progress : callable
-        Is called with the work that is done and all of it.
-
     Returns
     -------
     Found
-        Its `parameters` by name; `passed` is False where the model does not explain the records.
+        Its `parameters` and their `standard_errors` by name; `passed` is False where the model does not explain the
+        records.
 
     Raises
     ------
     ValueError
         Files or options are wrong, or something is missing that no record tells.
     """
-    from gapsense.identification.identify import Asked, check_believed, coil_of, finish_coil, finish_valve, read
+    from gapsense.identification import identify as way
     from gapsense.identification.measurements.reading import reading
-    from gapsense.identification.valve.fit import fit_valve
-    from gapsense.identification.valve.gap import find_gap
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
-    known, holds, gaps = named(parameters), pairs(hold), path(inductance)
-    others = (model, period, temperature, forms, holds, gaps, driver, accuracy)
+    known = named(parameters)
+    others: dict[str, Any] = {"model": model, "period": period, "temperature": temperature, "forms": forms}
+    others |= {"hold": pairs(hold), "inductance": path(inductance), "driver": driver, "accuracy": accuracy}
     if commission:
         return _commission(
             data,
-            check_believed(known, others),
+            way.check_believed(known, others),
             assume=assume,
             validate=validate,
             voltage=voltage,
@@ -242,20 +183,12 @@ def identify(
         )
     with files(data) as paths, files(validate) as kept, set_file(out) as (to, folder):
         how, picture = reading(pairs(column), voltage, separator, decimal, clipped), checked(figure)
-        asked = Asked(paths, how, to, kept, picture, known, assume, *others)
-        given = read(asked)
-        if model == "solenoid_valve":
-            given.ask()
-        coil, told = coil_of(model, given.records, given.known.parameters, period, given.conventions, progress)
-        if coil is not None:
-            return completed(finish_coil(asked, given, coil), told, to, folder, picture)
-        given.ask()
-        start = find_gap(given.known.parameters, given.records, given.sought, gaps, given.conventions, period)
-        given.ask_for(start.parameters, start.sought)
-        result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
-        return completed(finish_valve(asked, given, start, result), told, to, folder, picture)
+        given = way.read(paths, how, kept, known, assume, **others)
+        found = way.identify(given, to, starts, seed, progress)._asdict()
+        return answer(found.pop("shown"), found.pop("figure"), picture, to=to, kept=folder, **found)
 
 
+@documented
 def commission(
     data: Data,
     parameters: File,
@@ -273,35 +206,11 @@ def commission(
 ) -> Found:
     """Find all parameters of a reluctance actuator, core losses included, from records from rest on.
 
-    Parameters
-    ----------
-    data : path, mapping of arrays, or several of them
-        CSV files with the columns time [s], voltage [V], current [A], or arrays by these names.
-    parameters : path
-        Parameter-set file: what is believed of the device, for `Mhe`.
-    assume : bool
-        Assume what is not given; it is listed and marked, and answers are relative then.
-    validate : as data
-        Records that are kept for the validation.
-    voltage : str
-        Voltage between two samples: auto, trapezoid, end or start.
-    column : mapping, optional
-        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
-    separator, decimal : str
-        Of the cells of a CSV file, and of its numbers.
-    clipped : bool
-        Accept signals at the limits of their converter.
-    out : path, optional
-        Parameter-set file to write.
-    figure : path, optional
-        PNG, PDF or SVG file to write.
-    progress : callable
-        Is called with the work that is done and all of it.
-
     Returns
     -------
     Found
-        Its `parameters` by name; `passed` is False where the model does not explain the records.
+        Its `parameters` and their `standard_errors` by name; `passed` is False where the model does not explain the
+        records.
 
     Raises
     ------
@@ -316,12 +225,12 @@ def commission(
         actuator_tables,
         doubts,
         missing,
+        standard_errors,
         write_actuator,
     )
     from gapsense.identification.assumptions import ask
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.parameter_set import parameters_of, read_sets
-    from gapsense.report import plot
 
     picture, believed = checked(figure), shipped(parameters)
     known, (given, marked) = parameters_of("mhe", believed), read_sets([believed])
@@ -334,19 +243,22 @@ def commission(
         result = fit.commission(records, known, progress, doubts(lacking))
         names = " ".join(path.name for path in paths)
         write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
-    checks = validate_actuator(result.parameters, kept)
-
-    def draw() -> Figure:
-        return actuator_figure(result, checks)
-
-    written = [plot.save(draw(), picture)] if picture else []
-    tables = actuator_tables(result, known, checks, lacking)
-    return Found(tables, result.is_explained, values_of(to), drawn=draw, files=[to, *written], kept=folder)
+        checks = validate_actuator(result.parameters, kept)
+        return answer(
+            actuator_tables(result, known, checks, lacking),
+            lambda: actuator_figure(result, checks),
+            picture,
+            to=to,
+            kept=folder,
+            passed=result.is_explained,
+            standard_errors=standard_errors(result),
+        )
 
 
 _commission = commission
 
 
+@documented
 def gap_law(
     data: File,
     *,
@@ -359,27 +271,10 @@ def gap_law(
 ) -> Found:
     """Make a gap law of the inductance of a coil, measured at known gaps.
 
-    Parameters
-    ----------
-    data : path
-        CSV file with gap [mm] and inductance [mH], or inductance 100Hz [mH] and so on.
-    turns : float, optional
-        Turns of the coil, by default those of `parameters`.
-    parameters : path, optional
-        Parameter-set file: what else is known of the valve.
-    assume : bool
-        Assume what is not given; it is listed and marked, and answers are relative then.
-    column : mapping, optional
-        Column of a quantity where it is called otherwise.
-    out : path, optional
-        Parameter-set file to write.
-    figure : path, optional
-        PNG, PDF or SVG file to write.
-
     Returns
     -------
     Found
-        Its `parameters`, which `identify` takes from the file.
+        Its `parameters`, which `identify` takes from the file, and their `standard_errors`.
 
     Raises
     ------
@@ -388,12 +283,11 @@ def gap_law(
     """
     from gapsense.identification.assumptions import ask, list_values, meanings
     from gapsense.identification.gap_law.laws import best_law, candidates
-    from gapsense.identification.gap_law.show import gap_law_figure, gap_law_tables, write_gap_law
+    from gapsense.identification.gap_law.show import gap_law_figure, gap_law_tables, standard_errors, write_gap_law
     from gapsense.identification.gap_law.table import columns_given, read_inductances
     from gapsense.identification.identify import TABLE_I
     from gapsense.identification.parameter_set import parameters_of, read_sets
     from gapsense.identification.valve.show import BY_NAME
-    from gapsense.report import plot
 
     picture, source, known = checked(figure), Path(data), path(parameters)
     given, marked = read_sets([known] if known else [])
@@ -407,23 +301,24 @@ def gap_law(
     taken, upper = best_law(found), max(float(par.stop_upper), upper) if "stop.upper" in given else upper
     replaced = ("coil.turns", "core.reluctance", "gap.")
     assumed = [*["coil.turns"] * is_assumed, *(name for name in marked if not name.startswith(replaced))]
-    with set_file(out) as (to, folder):
-        written = write_gap_law(to, taken.law, number, upper, given, f"gapsense gap-law {source.name}", assumed)
     shown = gap_law_tables(measured, number, found, taken)
     if assumed:
-        shown = [
-            *shown,
-            f"Assumed: {list_values({**given, 'coil.turns': number}, BY_NAME, assumed)}.",
-            *meanings(assumed),
-        ]
+        values = list_values({**given, "coil.turns": number}, BY_NAME, assumed)
+        shown = [*shown, f"Assumed: {values}.", *meanings(assumed)]
+    with set_file(out) as (to, folder):
+        written = write_gap_law(to, taken.law, number, upper, given, f"gapsense gap-law {source.name}", assumed)
+        return answer(
+            shown,
+            lambda: gap_law_figure(measured, number, taken),
+            picture,
+            to=to,
+            files=written[1:],
+            kept=folder,
+            standard_errors=standard_errors(taken, number),
+        )
 
-    def draw() -> Figure:
-        return gap_law_figure(measured, number, taken)
 
-    drawn = [plot.save(draw(), picture)] if picture else []
-    return Found(shown, True, values_of(to), drawn=draw, files=[*written, *drawn], kept=folder)
-
-
+@documented
 def estimate(
     data: Data,
     *,
@@ -441,31 +336,6 @@ def estimate(
 ) -> Found:
     """Run estimators, through their FMUs, on a measured record.
 
-    Parameters
-    ----------
-    data : path or mapping of arrays
-        CSV file with the columns time [s], voltage [V], current [A], or arrays by these names.
-    estimator : str or sequence of str, optional
-        Names; by default all that the record has the inputs of.
-    parameters : path or sequence of paths
-        Parameter-set files; each estimator takes what it has.
-    column : mapping, optional
-        Column of a quantity where it is called otherwise: `{"current": "I coil"}`.
-    separator, decimal : str
-        Of the cells of a CSV file, and of its numbers.
-    clipped : bool
-        Accept signals at the limits of their converter.
-    offset : mapping, optional
-        What a quantity is off by, beside what it is at rest: `{"current": 0.002}`.
-    fmus : path, optional
-        Folder of the FMUs.
-    out : path, optional
-        CSV file of the estimates.
-    figure : path, optional
-        PNG, PDF or SVG file to write.
-    progress : callable
-        Is called with the estimators that are done and all of them.
-
     Returns
     -------
     Found
@@ -476,7 +346,7 @@ def estimate(
     ValueError
         The file or an option is wrong, or no estimator can run on the record.
     """
-    from gapsense.cosim.prepare import find_fmus
+    from gapsense.cosim.check import find_fmus
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.identification import estimate as judge
     from gapsense.identification.estimate import (
@@ -493,7 +363,6 @@ def estimate(
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.parameter_set import read_sets, take_values
     from gapsense.identification.show import about
-    from gapsense.report import plot
 
     picture, every, folder = checked(figure), components_folder(), path(fmus) or find_fmus(Path("here"))
     sets = [shipped(file) for file in ([parameters] if isinstance(parameters, (str, Path)) else parameters)]
@@ -507,17 +376,19 @@ def estimate(
     take_values(find_components(every, names), sets, find_components(every))  # before any run
     estimates = run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
     doubts = judge.doubts(record, estimates)
-
-    def draw() -> Figure:
-        return estimate_figure(record, estimates)
-
-    written = [save(Path(out), record, estimates)] if out else []
-    written += [plot.save(draw(), picture)] if picture else []
     signals = {"time": record.times, "voltage": record.voltage, "current": record.current}
     signals |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
-    shown = [*estimate_tables(estimates), *repeat_assumed(values, assumed)]
-    more: dict[str, Any] = {"doubts": doubts, "notes": notes, "files": written}
-    return Found(shown, not doubts, values, signals, drawn=draw, **more)
+    return answer(
+        [*estimate_tables(estimates), *repeat_assumed(values, assumed)],
+        lambda: estimate_figure(record, estimates),
+        picture,
+        files=[save(Path(out), record, estimates)] if out else [],
+        passed=not doubts,
+        parameters=values,
+        signals=signals,
+        doubts=doubts,
+        notes=notes,
+    )
 
 
 def compare(
@@ -668,17 +539,19 @@ def set_file(out: File | None) -> Iterator[tuple[Path, TemporaryDirectory[str] |
         yield Path(folder.name, "found.toml"), folder
 
 
-def values_of(file: Path) -> Mapping[str, Any]:
-    """Parameters of a set that was written."""
+def answer(
+    shown: Sequence[Table | str],
+    drawn: Callable[[], Figure],
+    picture: Path | None,
+    *,
+    to: Path | None = None,
+    files: Sequence[Path] = (),
+    **more: Any,
+) -> Found:
+    """What was found, with the parameters of the set that was written, and the figure."""
     from gapsense.parameters import read_parameters
-
-    return read_parameters(file, [])
-
-
-def completed(finished: Any, told: Sequence[str], to: Path, folder: Any, picture: Path | None) -> Found:
-    """An identification, with its parameters and its figure."""
     from gapsense.report import plot
 
-    drawn = [plot.save(finished.figure(), picture)] if picture else []
-    shown, written = [*finished.shown, *told], [to, *drawn]
-    return Found(shown, finished.is_explained, values_of(to), drawn=finished.figure, files=written, kept=folder)
+    more |= {} if to is None else {"parameters": read_parameters(to, [])}
+    written = [*([to] if to else []), *files, *([plot.save(drawn(), picture)] if picture else [])]
+    return Found(shown, drawn=drawn, files=written, **more)

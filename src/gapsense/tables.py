@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapsense._os.plain_files import read_bytes
+from gapsense._os.files import read_bytes
 from gapsense.problems import suggest
 
 if sys.version_info >= (3, 11):

@@ -19,6 +19,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 LOUD = """
 import contextlib, sys
+import gapsense.cli.run
 from gapsense.cli import app, common
 
 @contextlib.contextmanager
@@ -29,7 +30,7 @@ def bar(title):
             said.append(print(title))
     yield progress
 
-common.bar = bar  # says when the run is under way
+common.bar = gapsense.cli.run.bar = bar  # says when the run is under way
 app()
 """
 
@@ -129,22 +130,23 @@ LOADED = (
     "typing",
     "pathlib",
     "gapsense._os.interrupts",
-    "gapsense.cli.scenarios",
-    "typer",
+    "gapsense.cli.run",
     "numpy",
     "numpy._core._exceptions",  # in the midst of numpy, which cannot be loaded a second time
     "rich.table",
 )
 
 
+OF_TYPER = ("gapsense.cli.scenarios", "typer")  # which a run that is given in the usual way does not load
 OF_STUDIES = ("gapsense.studies", "gapsense.scenarios.semera_valve.study")  # which other commands do not load
 
 
-@pytest.mark.parametrize("module", [*LOADED, *OF_STUDIES, "fmpy"])
+@pytest.mark.parametrize("module", [*LOADED, *OF_TYPER, *OF_STUDIES, "fmpy"])
 def test_ctrl_c_at_the_start_leaves_no_traces(process, fmus, tmp_path, monkeypatch, module):
     (temporary := tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
-    run = ("run", VALVE, "--fmus", fmus, "--out", tmp_path / "out")
+    out = (f"--out={tmp_path / 'out'}",) if module in OF_TYPER else ("--out", tmp_path / "out")
+    run = ("run", VALVE, "--fmus", fmus, *out)
     started = process(IMPORTING, module, *(("study", "semera") if module in OF_STUDIES else run))
     out, err = started.communicate(timeout=60)
     assert (started.returncode, out, err) == (130, "", "interrupted.\n")

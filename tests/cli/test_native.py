@@ -27,7 +27,7 @@ def test_run_takes_the_native_fmus(gapsense, write, fmus, natives, tmp_path):
 
 
 def test_native_fmus_that_were_not_built_are_missed(gapsense, write, tmp_path, monkeypatch):
-    monkeypatch.setattr(sys.modules["gapsense.cosim.prepare"], "ROOT", tmp_path)  # not those of the checkout
+    monkeypatch.setattr(sys.modules["gapsense.cosim.check"], "ROOT", tmp_path)  # not those of the checkout
     done = gapsense("run", write(), "--native")
     assert done.exit_code == WRONG_INPUT
     assert "Make it with `gapsense build --native`." in done.output

@@ -90,7 +90,7 @@ def test_advised_command_can_be_copied(name):
 
 @pytest.mark.parametrize("text", [":x:", "[red]a[/red]", ":warning: [bold]", "[/]", "a[1]", "`:smile:`", "[link=x]"])
 def test_marks_are_shown_as_they_are(text, capsys, monkeypatch):
-    for console in (common.out, common.err):
+    for console in common.consoles():
         with console.capture() as captured:
             table.show(console, text, table.table(text, (text,), [(text,)]))
         assert captured.get().count(text) == 4

@@ -10,22 +10,10 @@ from drivers import ROOT
 from parts import FOLDERS, Part
 from trials import HOSTS, largest_difference
 
-from gapsense._os.native import ZIG, zig_version
 from gapsense.fmi.components import load_component
-from gapsense.fmi.native import package
 
 TOLERANCE = 1e-6  # of the nominal value: the C library of Windows rounds exp, log and tanh in its own way
 RESULTS = ROOT / "build" / "hosts"
-
-
-@pytest.fixture(scope="session")
-def everywhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Native FMUs of all platforms."""
-    if zig_version() != ZIG:
-        pytest.skip(f"no ziglang {ZIG}, which compiles for other platforms")
-    out = tmp_path_factory.mktemp("everywhere")
-    assert [None for _ in package.build(FOLDERS, out, ("linux64", "win64", "aarch64-linux"), {})]
-    return out
 
 
 @pytest.mark.slow

@@ -8,15 +8,11 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from gapsense._os.processes import new_marks
-from gapsense.cosim.events.event import Event, Watch
 from gapsense.cosim.fmu.descriptions import Variable
 from gapsense.cosim.fmu.instance import Instance, Instance3
-from gapsense.cosim.run.loop import Work
-from gapsense.cosim.run.part import Layout, Part
-from gapsense.cosim.run.recording import STOP, Recording
-from gapsense.cosim.scenario.elements import Component, Connection, Experiment, Port
-from gapsense.cosim.scenario.input_signals import Player
+from gapsense.cosim.run.part import Layout, Part, Player, Work
+from gapsense.cosim.run.recording import STOP, Recording, new_marks
+from gapsense.cosim.scenario.records import Component, Connection, Event, Experiment, Port, Watch
 
 REFERENCES, VALUES = ctypes.POINTER(ctypes.c_uint), ctypes.POINTER(ctypes.c_double)
 INT, SIZE, DOUBLE, BOOL, ANY = ctypes.c_int, ctypes.c_size_t, ctypes.c_double, ctypes.c_bool, ctypes.c_void_p

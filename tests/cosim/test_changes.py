@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gapsense.cosim import ScenarioError, changed, check, load, run, sweep
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 
 
 def test_value_wins_over_sets_variants_and_the_file(write, chain, fmus):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from gapsense.cosim import ScenarioError, check, prepare, run
-from gapsense.cosim.check.scenario import check_scenario
+from gapsense.cosim.check import check_scenario
 
 SECOND = '[[connections]]\nfrom = "lag.y"\nto = "gain.u"\n'
 SHORT = '[connect]\n"gain.u" = "lag.y"\n'

@@ -9,7 +9,7 @@ from events_text import RAMP, event
 
 from gapsense import Scenario
 from gapsense.cosim import ScenarioError, check, run, sweep
-from gapsense.cosim.scenario.document import changed
+from gapsense.cosim.scenario.read import changed
 
 
 def problems(write, fmus, text, variant=None):

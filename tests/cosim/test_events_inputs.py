@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import run
-from gapsense.cosim.events.actor import noise
+from gapsense.cosim.run.events import noise
 from gapsense.kernels.random import normal
 
 BASE, COUNT = 0.1, 20

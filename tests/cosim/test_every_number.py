@@ -10,7 +10,7 @@ import pytest
 
 from gapsense.cosim import FmuError, ScenarioError, check, run
 from gapsense.cosim.scenario import keys
-from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.read import Document
 from gapsense.tables import Section
 from gapsense.tables import parsed as read
 

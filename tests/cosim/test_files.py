@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from gapsense._os.plain_files import read_bytes
+from gapsense._os.files import read_bytes
 from gapsense.cli import app
 from gapsense.cosim import check
 

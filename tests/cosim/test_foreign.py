@@ -8,7 +8,7 @@ import pytest
 from gapsense.cosim import FmuError, Master, check, prepare, run, run_once
 from gapsense.cosim.fmu.archive import UnusableError
 from gapsense.cosim.fmu.descriptions import describe
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 
 WHOLES = {2: ["n"], 3: [f"n{sign}Int{bits}" for bits in (8, 16, 32, 64) for sign in ("", "U")]}
 HEAD = 'title = "Types"\n[experiment]\nstop = 0.5\nbase_step = 0.1\n'

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gapsense.cosim.scenario import read_sections as load_sections
+from gapsense.cosim.scenario import read as load_sections
 from gapsense.cosim.scenario.keys import FILE
 from gapsense.cosim.scenario.read import read_draft
 from gapsense.parameters import PARAMETER_SET, read_parameters

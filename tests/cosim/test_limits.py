@@ -8,9 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gapsense.cosim import ScenarioError, check, load, run, sweep
-from gapsense.cosim.check.record import check_size
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Points
+from gapsense.cosim.check import check_size
+from gapsense.cosim.scenario.records import Points, Port
 from gapsense.tables import found
 
 HUGE = "1" + 400 * "0"

@@ -7,9 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gapsense.cosim import ScenarioError, load
-from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.read import grid
-from gapsense.cosim.scenario.records import Tolerance
+from gapsense.cosim.scenario.records import Port, Tolerance
 from gapsense.tables import Table
 
 SECOND = '[[connections]]\nfrom = "lag.y"\nto = "gain.u"\n'

@@ -20,12 +20,12 @@ from hypothesis import strategies as st
 
 from gapsense._os.interrupts import counted
 from gapsense.cosim import run
-from gapsense.cosim.events.actor import Effect
+from gapsense.cosim.run.events import Effect
 from gapsense.cosim.run.loop import compiled
 from gapsense.cosim.run.loop.build import LOOP
 from gapsense.cosim.run.loop.reference import in_python
+from gapsense.cosim.run.part import Player
 from gapsense.cosim.run.recording import ROWS, STEP, STOP, bin_edge, median
-from gapsense.cosim.scenario.input_signals import Player
 
 needs_library = pytest.mark.skipif(compiled.entry() is None, reason="the library is for Linux on x86-64")
 

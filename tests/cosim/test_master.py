@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from gapsense.cosim import FmuError, Master, check, prepare, run, run_once
 from gapsense.cosim.fmu.instance import summary
 from gapsense.cosim.run.loop import compiled
-from gapsense.cosim.scenario.elements import Experiment
+from gapsense.cosim.scenario.records import Experiment
 
 GRIDS = st.tuples(st.integers(1, 4), st.integers(0, 3))
 

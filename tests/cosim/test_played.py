@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gapsense.cosim import check, run
-from gapsense.cosim.scenario.input_signals import BLOCK, Played
+from gapsense.cosim.run.part import BLOCK
+from gapsense.cosim.scenario.records import Played
 
 LAG = """
 title = "Signal"

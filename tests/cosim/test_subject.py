@@ -11,10 +11,8 @@ import pytest
 from gapsense.cosim import Master, load, prepare, run, run_once
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.result.result import measure_all
-from gapsense.cosim.run.subject import times
-from gapsense.cosim.scenario.elements import Experiment
-from gapsense.cosim.scenario.records import Metric, Record
-from gapsense.cosim.scenario.signals import matching
+from gapsense.cosim.run.recording import times
+from gapsense.cosim.scenario.records import Experiment, Metric, Record, matching
 
 
 @pytest.mark.parametrize("start", [0.0, -0.3, 1.0 / 3.0])

@@ -16,10 +16,9 @@ import pytest
 
 import gapsense
 from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
-from gapsense.cosim.scenario.document import changed
+from gapsense.cosim.scenario.read import changed
 from gapsense.many.provenance import bounds
-from gapsense.many.sweep import key_of
-from gapsense.many.sweep_table import is_table, read_sidecar
+from gapsense.many.sweep import is_table, key_of, read_sidecar
 from gapsense.problems import InputError
 
 NOISE = """

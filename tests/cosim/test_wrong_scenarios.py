@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from gapsense.cli import app
 from gapsense.cosim import check
 from gapsense.cosim.scenario import keys
-from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.read import Document
 from gapsense.tables import Section, parsed
 
 MORE = """

@@ -12,7 +12,7 @@ import pytest
 from parts import FOLDERS, Part
 
 from gapsense.cosim import check
-from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.read import Document
 from gapsense.fmi.components import load_component
 from gapsense.fmi.page import ROLES, called, chapter, snippet
 from gapsense.fmi.ports import Component

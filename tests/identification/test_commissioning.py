@@ -132,6 +132,13 @@ def test_the_parameter_set_is_what_was_found(found, tmp_path):
     assert read.prior_resistance == shipped.prior_resistance
 
 
+def test_standard_errors_have_the_units_of_the_values(found):
+    errors, values = file.standard_errors(found), file.found_values(found)
+    assert {file.PORTS[name].name for name in found.names} == {*errors}
+    assert errors["mover.mass"] == found.errors["mover_mass"] * found.parameters.mover_mass
+    assert abs(values["coil.resistance"] - TRUE.coil_resistance) < 4.0 * errors["coil.resistance"]
+
+
 def test_a_table_keeps_its_place_and_gets_a_factor(found, tmp_path):
     table = tmp_path / "law.csv"
     table.write_text((ROOT / "fmus" / "mhe" / "fringing_29.csv").read_text())

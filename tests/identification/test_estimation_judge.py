@@ -9,8 +9,7 @@ from gapsense.fmi.components import components_folder
 from gapsense.identification import estimate as judge
 from gapsense.identification import estimate as run
 from gapsense.identification.estimate import run_estimator
-from gapsense.identification.measurements.prepare import part
-from gapsense.identification.measurements.record import Columns, to_record
+from gapsense.identification.measurements.record import Columns, part, to_record
 from gapsense.identification.valve.model import simulate
 from gapsense.identification.valve.show import PORTS
 from gapsense.studies.devices import VALVE

@@ -12,7 +12,7 @@ from gapsense.identification.least_squares import long_run
 from gapsense.identification.valve.errors import uncertainty
 from gapsense.identification.valve.fit import POOR, fit_valve
 from gapsense.identification.valve.form import FITTED, Form
-from gapsense.identification.valve.minimise import Fit
+from gapsense.identification.valve.minimise import Fit, search
 from gapsense.identification.valve.model import (
     balance,
     cost,
@@ -24,7 +24,6 @@ from gapsense.identification.valve.model import (
     simulate_currents,
     simulate_experiment,
 )
-from gapsense.identification.valve.search import search
 from gapsense.identification.valve.show import validate
 from gapsense.studies.devices import VALVE
 

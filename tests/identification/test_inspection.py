@@ -13,8 +13,8 @@ from gapsense.identification.inspection.show import checklist, curve, of_resista
 from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import to_record
-from gapsense.identification.measuring import GOOD, Instruments, Pulses, measure
 from gapsense.report.plot import panels, suited
+from gapsense.scenarios.semera_valve.measuring import GOOD, Instruments, Pulses, measure
 
 RECORDS = Path(__file__).parent / "records"
 

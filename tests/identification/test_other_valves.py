@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from other_valves import KNOWLEDGE, SCALES, case, records
 
-from gapsense.identification.valve.doubt import shift
+from gapsense.identification.valve.errors import shift
 from gapsense.identification.valve.fit import fit_valve
 from gapsense.identification.valve.form import Sought, guess_similar
 from gapsense.identification.valve.model import inductance

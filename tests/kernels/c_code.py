@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
+import os
+import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +18,7 @@ from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import fields, flat, names
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
-
+KEPT = Path(__file__).resolve().parents[2] / "build" / "c_code"  # libraries by their source and options
 
 # gcc unrolls a short loop that starts from a constant and then folds these, rounded otherwise than by the library
 NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tanh"))
@@ -32,29 +35,31 @@ void run(int samples, int inputs, int outputs, real *state, real *const *memory,
 """
 
 
-def build(source: str, folder: Path, single: bool = False, more: tuple[str, ...] = ()) -> ctypes.CDLL:
-    """Shared library of a C source."""
+def compiled(source: str, folder: Path, options: tuple[str, ...]) -> Path:
+    """Shared library of a C source, both in the folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / "code.c"
+    path, library = folder / "code.c", folder / "code.so"
     path.write_text(source)
-    library = folder / ("single.so" if single else "double.so")
-    command = [
-        "gcc",
-        *FLAGS,
-        *more,
-        *(["-DSINGLE", "-Wno-overflow", "-O0"] if single else []),  # its bits are not compared
-        str(path),
-        "-o",
-        str(library),
-        "-lm",
-    ]
+    command = ["gcc", *FLAGS, *options, str(path), "-o", str(library), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+    return library
+
+
+def build(source: str, folder: Path, single: bool = False) -> ctypes.CDLL:
+    """The library of a kernel, which takes seconds to compile: one that is kept is taken again, by any process."""
+    options = ("-DSINGLE", "-Wno-overflow", "-O0") if single else ()  # its bits are not compared
+    digest = hashlib.sha256(repr((source, FLAGS, options)).encode()).hexdigest()
+    library = KEPT / f"{digest[:32]}.so"
+    if not library.exists():
+        KEPT.mkdir(parents=True, exist_ok=True)
+        made = compiled(source, folder, options)
+        Path(shutil.copy(made, library.with_suffix(f".{os.getpid()}"))).replace(library)
     return ctypes.CDLL(str(library))
 
 
 def build_graph(graph: Graph, folder: Path) -> ctypes.CDLL:
-    return build(f"{C.head}\n{C(graph).source()}", folder, more=NO_FOLDING)
+    return ctypes.CDLL(str(compiled(f"{C.head}\n{C(graph).source()}", folder, NO_FOLDING)))
 
 
 class CKernel:

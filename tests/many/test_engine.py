@@ -14,7 +14,7 @@ from studies_of_ramps import NOISE, STUDY, rows
 
 from gapsense import campaign, read_campaign
 from gapsense.cosim import run, sweep
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
+from gapsense.cosim.scenario.read import CAMPAIGN_FILE
 from gapsense.problems import InputError
 
 KEPT = '[trajectories]\nsignals = ["noise.y", "source.*"]\ndecimation = 4\n'

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.many import key as of
+from gapsense.many import provenance as of
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_other_numpy_changes_the_key(package, monkeypatch):
 
 def test_our_package_has_sources():
     names = set(of.sources())
-    files = ("many/key.py", "cosim/result/metrics.py", "actuators/motion.py", "cosim/run/loop/loop.c")
+    files = ("many/provenance.py", "cosim/result/metrics.py", "actuators/motion.py", "cosim/run/loop/loop.c")
     assert {f"gapsense/{file}" for file in files} <= names
     assert {"fmus/ekf/component.py", "fmus/ekf/fringing_29.csv"} <= names  # studies take their start values
     assert "scenarios/soft_landing/study.py" in names and "scenarios/soft_landing/baseline.csv" not in names

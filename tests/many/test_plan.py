@@ -9,7 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 from gapsense.many.plan import Block, Plan
 from gapsense.many.study import Study, read_study
 

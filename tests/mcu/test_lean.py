@@ -70,10 +70,11 @@ def record(
         phase < on, np.clip(10.0 * phase / on - 3.0, 0.0, 1.0), 1.0 - np.clip((phase - 1.05 * on) / 20, 0, 1)
     )
     inductance = 0.05 + 0.2 * lift**2 * (3.0 - 2.0 * lift)
-    R, current, linkage = resistance * (1.0 + warming * k * DT), np.empty(count), 0.0
-    for j in range(count):
-        linkage = (linkage + DT * u[j]) / (1.0 + DT * R[j] / inductance[j])
-        current[j] = linkage / inductance[j]
+    gain = (1.0 + DT * resistance * (1.0 + warming * k * DT) / inductance).tolist()
+    linkages = [0.0]
+    for voltage, factor in zip((DT * u).tolist(), gain):
+        linkages.append((linkages[-1] + voltage) / factor)
+    current = np.array(linkages[1:]) / inductance
     noise = rng.normal(0.0, 1.0, (count, 2)) * [noise_voltage, noise_current] + [voltage_offset, offset]
     return (np.column_stack([u, current]) + noise).astype(np.float32).astype(float), inductance * current
 

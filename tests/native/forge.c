@@ -14,6 +14,8 @@
 #include <string.h>
 
 enum { HEAD = 56, FLAGS = 4, STEPS = 12, MOST_VALUES = 64 };
+static const double LONGEST = 2e-3; /* [s], a step after a forged number: of a longer one, a number meets the same code */
+
 
 static const char *const SENTENCE = "the saved state is damaged: its ";
 static long refused, taken;
@@ -36,11 +38,11 @@ static void seal(unsigned char *bytes, size_t size)
 static void go_on(fmi2Component c, const Table *t, int row)
 {
     double values[MOST];
-    const double step = t->times[1] - t->times[0];
+    const double before = t->times[1] - t->times[0], step = before < LONGEST ? before : LONGEST;
     for (int k = 0; k < STEPS; k++) {
         const int at = (row + k) % t->rows;
         CALL(fmi2SetReal)(c, t->input, (size_t)t->inputs, t->values + at * t->inputs);
-        CALL(fmi2DoStep)(c, (row + k) * step, step, fmi2True);
+        CALL(fmi2DoStep)(c, row * before + k * step, step, fmi2True);
         CALL(fmi2GetReal)(c, t->output, (size_t)t->outputs, values);
     }
 }
@@ -75,6 +77,16 @@ static void try_bytes(fmi2Component c, const Table *t, int row, unsigned char *b
     CALL(fmi2FreeFMUstate)(c, &state);
 }
 
+/* True if a word is not among those there are; it is put behind them. */
+static int is_new(uint64_t *tried, int tries, const void *word)
+{
+    memcpy(tried + tries, word, 8);
+    for (int k = 0; k < tries; k++)
+        if (tried[k] == tried[tries])
+            return 0;
+    return 1;
+}
+
 static void forge(fmi2Component c, const Table *t, int row, size_t first, size_t every, const double *wild, int count)
 {
     fmi2FMUstate state = NULL;
@@ -88,13 +100,15 @@ static void forge(fmi2Component c, const Table *t, int row, size_t first, size_t
         uint64_t word;
         memcpy(&now, bytes + at, 8);
         memcpy(&word, bytes + at, 8);
+        uint64_t tried[2 * MOST_VALUES] = {word};
+        int tries = 1;
         const double near[] = {now + 1.0, now - 1.0, now + 0.5, -now, 1024.0 * now};
-        for (size_t k = 0; k < sizeof near / sizeof *near + (size_t)count; k++) {
-            memcpy(bytes + at, k < 5 ? near + k : wild + k - 5, 8);
-            try_bytes(c, t, row, bytes, size, at < HEAD + 8 * FLAGS);
-        }
-        for (uint64_t flag = 0; flag < 6; flag++) {
-            memcpy(bytes + at, &flag, 8);
+        for (int k = 0; k < 5 + count; k++)
+            tries += is_new(tried, tries, k < 5 ? near + k : wild + k - 5);
+        for (uint64_t flag = 0; flag < 6; flag++)
+            tries += is_new(tried, tries, &flag);
+        for (int k = 1; k < tries; k++) {
+            memcpy(bytes + at, tried + k, 8);
             try_bytes(c, t, row, bytes, size, at < HEAD + 8 * FLAGS);
         }
         memcpy(bytes + at, &word, 8);

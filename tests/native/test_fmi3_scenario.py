@@ -12,8 +12,8 @@ from native3 import ROOT, built, placed  # noqa: F401
 from gapsense.cosim import Checkpoint, Master, ScenarioError, prepare
 from gapsense.cosim.run.apart import Plan, Watch, record_apart
 from gapsense.cosim.run.checkpoint import keeper
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.signals import ports
+from gapsense.cosim.run.recording import Subject
+from gapsense.cosim.scenario.records import ports
 
 SCENARIOS = ROOT / "scenarios"
 CASES = [

@@ -14,7 +14,6 @@ from drivers import ROOT
 from parts import FOLDERS, Part
 from unpacked_native import bits, compiled_host, expected, outputs, unpack
 
-from gapsense._os.native import ZIG, zig_version
 from gapsense.fmi.components import load_component
 from gapsense.fmi.native import package
 from gapsense.fmi.native.compile import FAT_ALIGNMENT, FAT_MAGIC, fat, timeless
@@ -27,17 +26,6 @@ AARCH64 = Path("/usr/aarch64-linux-gnu")
 HOSTS = ("host", "host3")  # of FMI 2.0 and of FMI 3.0, the last words of a command that runs one of them
 OF_FMI_3 = ("drive_voltage", "semera")  # the library is the same
 LARGEST = 350e3  # bytes of an FMU for two platforms; the checks of indices cost some 5 %
-
-
-@pytest.fixture(scope="session")
-def everywhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Native FMUs for Linux and Windows, and for Linux on aarch64."""
-    if zig_version() != ZIG:
-        pytest.skip(f"no ziglang {ZIG}, which compiles for other platforms")
-    out = tmp_path_factory.mktemp("everywhere")
-    for _ in package.build(FOLDERS, out, ("linux64", "win64", "aarch64-linux"), {}):
-        pass
-    return out
 
 
 @pytest.fixture(scope="session")

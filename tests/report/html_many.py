@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.scenario.elements import Port
-from gapsense.many import sweep_table
+from gapsense.cosim.scenario.records import Port
+from gapsense.many import sweep as sweep_table
 from gapsense.many.columns import Columns, contents
 from gapsense.many.plan import Block, Plan
 from gapsense.many.result import FORMAT, KEY
 from gapsense.many.store import Store
-from gapsense.many.sweep_table import Sweep
+from gapsense.many.sweep import Sweep
 
 ABOUT: dict[str, Any] = {
     "title": "By hand",

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from gapsense.cosim import load, read_result, run
 from gapsense.cosim.result.metrics import rms
 from gapsense.cosim.result.result import Signal
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.scenario.records import Port
 from gapsense.report.html import curves
 from gapsense.report.html.run import consistency, pairs, panels, strips
 from gapsense.report.html.subject import Shown, events, read_all, regression

@@ -23,7 +23,7 @@ from gapsense import read_campaign
 from gapsense._os.checked import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
-from gapsense.cosim.scenario.document import changed
+from gapsense.cosim.scenario.read import changed
 from gapsense.many.columns import kind
 from gapsense.many.result import KEY
 from gapsense.many.store import Store

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
+import runpy
 import sys
 from pathlib import Path
 
 import pytest
 from jsonschema import Draft7Validator
 
-from gapsense.cli import _reference as of_commands
 from gapsense.cosim.scenario.read import read_draft
-from gapsense.report import reference
+from gapsense.report.schema import schema, study_schema
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -21,7 +21,8 @@ else:
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 SCENARIOS = sorted((ROOT / "scenarios").glob("*/scenario.toml"))
-SCHEMA, STUDY_SCHEMA = reference.schema(), reference.study_schema()
+SCHEMA, STUDY_SCHEMA = schema(), study_schema()
+MADE = runpy.run_path(str(DOCS / "reference.py"))
 STUDIES = [file for file in (ROOT / "scenarios").glob("*/*.toml") if "scenario =" in file.read_text(encoding="utf-8")]
 GOOD = """
 title = "t"
@@ -34,30 +35,27 @@ def errors(text: str) -> list[str]:
     return [error.message for error in Draft7Validator(SCHEMA).iter_errors(tomllib.loads(text))]
 
 
-def test_page_and_schema_in_docs_are_current():
-    """If not: `python -m gapsense.report.reference docs`."""
-    page = (DOCS / reference.PAGE).read_text(encoding="utf-8")
-    assert reference.rewritten(page, reference.keys()) == page
-    listed = (DOCS / of_commands.PAGE).read_text(encoding="utf-8")
-    assert reference.rewritten(listed, of_commands.commands()) == listed
-    assert json.loads((DOCS / reference.SCHEMA).read_text(encoding="utf-8")) == SCHEMA
-    studies = (DOCS / reference.STUDY_PAGE).read_text(encoding="utf-8")
-    assert reference.rewritten(studies, reference.study_keys()) == studies
-    assert json.loads((DOCS / reference.STUDY_SCHEMA).read_text(encoding="utf-8")) == STUDY_SCHEMA
+def test_pages_and_schemas_in_docs_are_current():
+    """If not: `python docs/reference.py docs`."""
+    made = MADE["made"](DOCS)
+    assert {*made} == {"scenario-file.md", "campaigns.md", "commands.md", "scenario.schema.json", "study.schema.json"}
+    for name, text in made.items():
+        assert (DOCS / name).read_text(encoding="utf-8") == text, name
+    assert json.loads(made["scenario.schema.json"]) == SCHEMA and json.loads(made["study.schema.json"]) == STUDY_SCHEMA
+    studies, page = made["campaigns.md"], made["scenario-file.md"]
     assert "### `[[sample.factors]]`" in studies and "| `trajectories` |" not in studies
     assert "## At the top" in page and "| `loop_area` |" in page
 
 
 def test_reference_is_written_again(tmp_path):
-    names = (reference.PAGE, reference.STUDY_PAGE, of_commands.PAGE)
+    names = ("scenario-file.md", "campaigns.md", "commands.md")
     for name in names:
-        (tmp_path / name).write_text(f"head\n{reference.BEGIN}old\n{reference.END}tail\n", encoding="utf-8")
-    reference.write(tmp_path)
-    of_commands.write(tmp_path)
+        (tmp_path / name).write_text(f"head\n{MADE['BEGIN']}old\n{MADE['END']}tail\n", encoding="utf-8")
+    MADE["write"](tmp_path)
     for name in names:
         page = (tmp_path / name).read_text(encoding="utf-8")
         assert page.startswith("head\n") and page.endswith("tail\n") and "old\n" not in page
-    assert json.loads((tmp_path / reference.SCHEMA).read_text(encoding="utf-8")) == SCHEMA
+    assert json.loads((tmp_path / "scenario.schema.json").read_text(encoding="utf-8")) == SCHEMA
 
 
 def test_schema_is_one():

@@ -26,8 +26,7 @@ from typer.testing import CliRunner
 from gapsense import check_study
 from gapsense.cli import app
 from gapsense.cosim import check
-from gapsense.cosim.scenario.document import Document
-from gapsense.cosim.scenario.read import read_draft
+from gapsense.cosim.scenario.read import Document, read_draft
 from gapsense.tables import merged
 
 if sys.version_info >= (3, 11):

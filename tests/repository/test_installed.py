@@ -78,7 +78,7 @@ def test_installed_package_is_the_one_that_runs_and_has_the_sources_of_the_check
     _, work, python = gapsense
     show = (
         "from gapsense import shipped; from gapsense._os.checked import fingerprint; "
-        "from gapsense.many.key import sources; print(shipped.ROOT, fingerprint(sources()))"
+        "from gapsense.many.provenance import sources; print(shipped.ROOT, fingerprint(sources()))"
     )
     (root, theirs), (_, ours) = (
         call(python, "-c", show, cwd=work).split(),

@@ -11,7 +11,7 @@ import pytest
 from gapsense.cosim import Checkpoint, Master, find_scenarios, load, prepare, run
 from gapsense.cosim.run.apart import Plan, Watch, record_apart
 from gapsense.cosim.run.checkpoint import keeper
-from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.run.recording import Subject
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CASES = [

@@ -12,8 +12,8 @@ from gapsense import Scenario
 from gapsense.cosim import Checkpoint, FmuError, Master, prepare, read_result, run
 from gapsense.cosim.run.apart import Plan, Watch, record_apart
 from gapsense.cosim.run.checkpoint import keeper
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.document import Document, read_document
+from gapsense.cosim.run.recording import Subject
+from gapsense.cosim.scenario.read import Document, read_document
 from gapsense.fmi.components import kernel_of, kernel_parameters, load_component
 from gapsense.tables import merged
 

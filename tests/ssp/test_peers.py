@@ -15,7 +15,7 @@ import pytest
 from packages import SCENARIO
 
 from gapsense.cosim import Result, run
-from gapsense.cosim.scenario.document import Document, read_document
+from gapsense.cosim.scenario.read import Document, read_document
 from gapsense.shipped import SCENARIOS
 from gapsense.ssp.export import export
 

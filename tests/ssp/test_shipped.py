@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gapsense.cosim import run
-from gapsense.cosim.scenario.document import Document, read_document
+from gapsense.cosim.scenario.read import Document, read_document
 from gapsense.shipped import SCENARIOS
 from gapsense.ssp.bring import bring
 from gapsense.ssp.export import export

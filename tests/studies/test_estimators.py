@@ -12,7 +12,7 @@ from valve_signals import exact
 from gapsense.cli import app
 from gapsense.cosim import load, prepare, run
 from gapsense.cosim.result.result import Result, Run, Timing
-from gapsense.cosim.scenario.signals import recorded_signals
+from gapsense.cosim.scenario.records import recorded_signals
 from gapsense.estimators import hybrid_ekf
 from gapsense.fmi.components import kernel_parameters
 from gapsense.report import plot as figures
@@ -359,9 +359,10 @@ def test_table_of_the_page_has_every_estimator():
 
 
 @pytest.mark.slow
-def test_the_whole_family(fmus, tmp_path, monkeypatch):
+def test_the_whole_family(natives, tmp_path, monkeypatch):
+    """By native FMUs, which have the bits of the Python ones: the scenario is among those of tests/native."""
     monkeypatch.chdir(ROOT)
-    arguments = ["study", "estimators", "--fmus", fmus, "--seeds", 2, "--out", tmp_path]
+    arguments = ["study", "estimators", "--fmus", natives, "--seeds", 2, "--out", tmp_path]
     done = CliRunner().invoke(app, [str(a) for a in arguments])
     assert done.exit_code == 0, done.output
     assert " ".join(done.stdout.split()).count(" runs: root mean square errors") == len(drawn.TITLES)

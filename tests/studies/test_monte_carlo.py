@@ -16,7 +16,7 @@ import pytest
 from wrong_models import filter_parameters
 
 from gapsense.estimators.rts import motions, smooth_record
-from gapsense.many import key as of
+from gapsense.many import provenance as of
 from gapsense.scenarios.soft_landing.batch import Tuning, Variant, Varied
 from gapsense.scenarios.soft_landing.comparison import (
     ESTIMATORS,

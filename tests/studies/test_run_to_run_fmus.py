@@ -21,11 +21,12 @@ FMUS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("run", range(20))
 @pytest.mark.parametrize("law", ["contact", "model"])
-def test_twenty_actuators_through_fmus(law, run):
-    same_bits(law, run, CYCLES)
+def test_twenty_actuators_through_fmus(natives, law, run):
+    """Native ones, which have the bits of the Python FMUs."""
+    same_bits(natives, law, run, CYCLES)
 
 
-def same_bits(law, run, cycles):
+def same_bits(fmus, law, run, cycles):
     """One actuator of the study, some cycles."""
     condition = CONDITIONS["plain"]
     count, closed = samples(condition)
@@ -34,15 +35,15 @@ def same_bits(law, run, cycles):
     given = np.transpose([np.arange(count) < closed, np.zeros(count)])
     rows = np.concatenate([running.go(loop.par, given) for _ in range(cycles)])[:, :, 0]
     expected = dict(zip(loop.chain.recorded, rows.T))
-    with scenario(law, loop, cycles * condition.period, condition) as made:
+    with scenario(fmus, law, loop, cycles * condition.period, condition) as made:
         found = made.run()
     for name in SEEN:
         np.testing.assert_array_equal(found[name][1:], expected[name])
 
 
-def scenario(law, loop, stop, condition):
+def scenario(fmus, law, loop, stop, condition):
     """The loop as a scenario."""
-    made = Scenario(f"{law} through FMUs", stop=stop, base_step=condition.sample_time)
+    made = Scenario(f"{law} through FMUs", fmus=fmus, stop=stop, base_step=condition.sample_time)
     wave = {"waveform": "square", "square.amplitude": 1.0, "square.period": condition.period}
     wave["square.duty"] = condition.closed / condition.period
     made.add("command", "DriveVoltage", wave, enable=1.0, reference=0.0)

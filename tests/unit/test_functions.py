@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import gapsense
 from gapsense.cli import app
+from gapsense.identification.options import OPTIONS, OUTPUTS, SHIPPED, key
 from gapsense.report.table import text
 from gapsense.shipped import RECORDS
 
@@ -42,6 +43,14 @@ def test_function_has_the_options_of_the_command_and_their_defaults(name):
         if option not in {"out", "figure", *ONLY_HERE} and parameter.default is not parameter.empty:
             assert plain(parameter.default) == plain(command[option].default), option
     assert all(f"\n{option}" in inspect.getdoc(function) or f", {option}" in function.__doc__ for option in known)
+
+
+def test_table_of_options_has_what_the_functions_take_and_nothing_else():
+    names = [name for name in NAMES if name != "compare"]
+    taken = {
+        key(name, argument) for name in names for argument in inspect.signature(getattr(gapsense, name)).parameters
+    }
+    assert taken == {*OPTIONS} and {*OUTPUTS} <= taken and {*SHIPPED} <= taken
 
 
 def test_gapsense_shows_what_is_public_and_nothing_else():
@@ -90,6 +99,8 @@ def test_gap_law_gives_its_parameters_and_keeps_the_files_that_it_needs(tmp_path
     found = gapsense.gap_law(tmp_path / "measured.csv", turns=1000.0)
     assert found.parameters["coil.turns"] == 1000.0 and found.parameters["gap.law"] == "linear"
     assert found.parameters["gap.slope"] == pytest.approx(1e6 / 50e-3 / 1e-3 * 1.0, rel=1e-3)
+    assert {*found.standard_errors} == {"core.reluctance", "gap.slope"}
+    assert all(0.0 <= error < 1e-4 * found.parameters[name] for name, error in found.standard_errors.items())
     written = gapsense.gap_law(tmp_path / "measured.csv", turns=1000.0, out=tmp_path / "gap.toml")
     assert (tmp_path / "gap.toml").is_file() and written.files == [tmp_path / "gap.toml"]
 

@@ -17,6 +17,8 @@ else:
     import fcntl
 
 PREFIX, HELD = "gapsense-", ".held"  # of temporary folders, and the locked file in each of them
+CACHE = "GAPSENSE_CACHE"  # the folder of what is worth keeping, for who wants another
+FACTS = "fmu-"  # how files there begin that tell what an FMU says of itself
 FAR = 2**30  # the byte that is locked on Windows, beyond all that is written
 _folders: dict[Path, IO[bytes]] = {}
 
@@ -73,3 +75,12 @@ def temporary_folder(base: Path | None = None) -> Path:
     folder = Path(file.name).parent
     _folders[folder] = file
     return folder
+
+
+def cache_folder() -> Path:
+    """Folder for what is worth keeping between processes."""
+    if named := os.environ.get(CACHE):
+        return Path(named)
+    home = Path("~").expanduser()
+    usual = {"win32": home / "AppData" / "Local", "darwin": home / "Library" / "Caches"}.get(sys.platform)
+    return Path(os.environ.get("XDG_CACHE_HOME") or usual or home / ".cache") / "gapsense"

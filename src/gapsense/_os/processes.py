@@ -211,15 +211,10 @@ def mapped(file: Path) -> Marks:
         return memoryview(mmap.mmap(opened.fileno(), 0)).cast("q")
 
 
-def own_marks() -> Marks:
-    """Marks of this process, shared with the one that started it if that is one of ours."""
+def own_marks() -> Marks | None:
+    """Marks that this process shares with the one that started it, if that is one of ours."""
     folder = os.environ.get(FOLDER)
-    return mapped(Path(folder, "marks")) if folder else new_marks()
-
-
-def new_marks() -> Marks:
-    """Marks that nobody shares."""
-    return array("q", bytes(8 * MARKS))
+    return mapped(Path(folder, "marks")) if folder else None
 
 
 def follow() -> None:

@@ -20,6 +20,17 @@ atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # at the end ther
 __all__ = ["app", "loaded"]
 
 
+def start(words: list[str]) -> None:
+    """Run the command that the words on the command line name; a run that is given in the usual way needs no parser."""
+    if words[:1] == ["run"]:
+        with ended_like_ctrl_c(), handled(leave):
+            from gapsense.cli.run import run_straight, straight
+
+            if given := straight(words[1:]):
+                return run_straight(given)
+    loaded(*words[:1])()
+
+
 def loaded(command: str = "") -> "App":
     """The program with the module that registers a command; with all modules if none here does."""
     with ended_like_ctrl_c(), handled(leave):  # loading takes a while

@@ -82,7 +82,7 @@ def run(
     cli.show(f"{result.folder}: {result.rows} of {result.runs} runs, {done}.")
     if result.interrupted:
         cli.problem("interrupted; the same command goes on from here.", "yellow")
-    raise typer.Exit(cli.INTERRUPTED if result.interrupted else cli.COMPONENT_FAILED if result.failed else 0)
+    raise SystemExit(cli.INTERRUPTED if result.interrupted else cli.COMPONENT_FAILED if result.failed else 0)
 
 
 @cli.command("show", group)

@@ -6,11 +6,7 @@ Exit codes: 0 all well; 1 a test, a metric or a validation failed; 2 wrong input
 
 from __future__ import annotations
 
-import errno
-import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from enum import Enum
 from functools import wraps
 from inspect import signature
@@ -18,29 +14,58 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 import typer
-from rich.console import Console
-from rich.table import Table
 
 from gapsense import cosim
 from gapsense._os import interrupts
-from gapsense._os.plain_files import refuse_unwritable
+from gapsense._os.files import refuse_unwritable
+from gapsense.cli.console import (
+    APART as APART,
+)
+from gapsense.cli.console import (
+    COMPONENT_FAILED as COMPONENT_FAILED,
+)
+from gapsense.cli.console import (
+    FAILED as FAILED,
+)
+from gapsense.cli.console import (
+    INTERRUPTED as INTERRUPTED,
+)
+from gapsense.cli.console import (
+    WRONG_INPUT as WRONG_INPUT,
+)
+from gapsense.cli.console import (
+    bar as bar,
+)
+from gapsense.cli.console import (
+    chosen as chosen,
+)
+from gapsense.cli.console import (
+    consoles as consoles,
+)
+from gapsense.cli.console import (
+    notice as notice,
+)
+from gapsense.cli.console import (
+    problem as problem,
+)
+from gapsense.cli.console import (
+    reported as reported,
+)
+from gapsense.cli.console import (
+    show as show,
+)
+from gapsense.cli.console import (
+    stop_if_interrupted as stop_if_interrupted,
+)
+from gapsense.cli.console import (
+    written as written,
+)
 from gapsense.problems import InputError
-from gapsense.report import table
-from gapsense.shipped import NATIVE_FOLDER, examples, record
+from gapsense.shipped import examples
 from gapsense.version import __version__
 
 if TYPE_CHECKING:
     from gapsense.functions import Found
-
-ELSEWHERE = "or choose another folder"
-ADVICE = {
-    errno.ENOSPC: f"Make room on its disk, {ELSEWHERE}",
-    errno.EDQUOT: f"Make room within your share of its disk, {ELSEWHERE}",
-    errno.EFBIG: f"Allow larger files (`ulimit -f`), {ELSEWHERE}",
-    errno.EMFILE: "Allow more open files (`ulimit -n`), or take fewer workers",
-    errno.ENFILE: "Close other programs, or take fewer workers",
-}
-FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 
 
 class App(typer.Typer):
@@ -69,7 +94,7 @@ def show_version(asked: bool) -> None:
     """Print the version, on request, and end."""
     if asked:
         typer.echo(f"gapsense {__version__}")
-        raise typer.Exit
+        raise SystemExit
 
 
 @app.callback()
@@ -83,8 +108,6 @@ def options(
 
 studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
 app.add_typer(studies, name="study")
-out = Console(highlight=False, emoji=False)  # `:x:` is no picture
-err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 
 def scenario_names(incomplete: str) -> list[str]:
@@ -140,35 +163,8 @@ class Output(Enum):
 
 Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
 FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
-SetFile = Annotated[Path, Output.FILE, typer.Option("--out", help="Parameter-set file to write")]
 Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
 Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1, max=1000)]
-Data = Annotated[
-    list[Path],
-    typer.Argument(
-        parser=record,
-        metavar="FILE",
-        help="CSV files: time [s], voltage [V], current [A]; `sample_valve.csv` comes with Gapsense",
-        show_default=False,
-    ),
-]
-Validate = Annotated[
-    list[Path] | None,
-    typer.Option(parser=record, metavar="FILE", help="Record that is kept for the validation", show_default=False),
-]
-Column = Annotated[
-    list[str] | None,
-    typer.Option(help="QUANTITY=NAME: column, or signal of a result, that holds the quantity", show_default=False),
-]
-Separator = Annotated[str, typer.Option(help="Separator of the cells of a CSV file")]
-Decimal = Annotated[str, typer.Option(help="Decimal point of the numbers")]
-Clipped = Annotated[bool, typer.Option("--clipped", help="Accept signals at the limits of their converter")]
-Assume = Annotated[
-    bool,
-    typer.Option(
-        "--assume", help="Assume what is not given, list it, and mark it in the file; answers are relative then"
-    ),
-]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 
@@ -197,24 +193,6 @@ def study(name: str) -> Callable[[Function], Function]:
     return command(name, studies)
 
 
-def show(*items: Table | str) -> None:
-    """Print tables and sentences."""
-    table.show(out, *items)
-
-
-def problem(sentence: str, style: str = "red") -> None:
-    """Print a sentence on the error stream."""
-    err.print(sentence, style=style, markup=False)
-
-
-def notice(sentence: str) -> None:
-    """Print a sentence that is no error on the error stream."""
-    problem(sentence, "yellow")
-
-
-APART: dict[str, Any] = {"isolation": "process", "notice": notice}  # how commands run scenarios
-
-
 def engine_of(engine: str, native: bool) -> str:
     """The engine that two options choose together."""
     if native and engine == "vectors":
@@ -225,26 +203,6 @@ def engine_of(engine: str, native: bool) -> str:
 def as_vectors(result: Any) -> str:
     """How a sweep or a campaign was computed, if not by FMUs."""
     return ", as vectors" if result.computed and result.engine == "vectors" else ""
-
-
-def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
-    """Folder of the FMUs that options choose, if they do."""
-    if not native:
-        return fmus
-    from gapsense.cosim.prepare import find_fmus
-    from gapsense.cosim.scenario.document import scenario_file
-
-    folder = find_fmus(scenario_file(scenario), NATIVE_FOLDER)
-    if fmus:
-        raise InputError(["--native and --fmus both say which FMUs to take. Leave one out."])
-    if not folder.is_dir():
-        raise InputError([f"there is no folder `{folder}`. Make it with `gapsense build --native`."])
-    return folder
-
-
-def written(*files: Path) -> None:
-    """Say which files were written."""
-    show(f"{', '.join(map(str, files))} written.")
 
 
 def shown(file: Path) -> None:
@@ -266,58 +224,7 @@ def tell(found: Found) -> NoReturn:
             written(*files)
     for text in found.doubts:
         problem(text)
-    raise typer.Exit(0 if found.passed else FAILED)
-
-
-@contextmanager
-def reported() -> Iterator[None]:
-    """Turn the errors that a user can fix into one sentence and an exit code."""
-    try:
-        with interrupts.handled(signal.default_int_handler):
-            yield
-    except typer.Exit:  # a RuntimeError too
-        raise
-    except KeyboardInterrupt:  # before `mendable`, which imports: numpy cannot be loaded again after half a load
-        problem("interrupted.", "yellow")
-        raise typer.Exit(INTERRUPTED) from None
-    except RuntimeError as error:  # FmuError, or a worker process of a sweep that died
-        problem(str(error))
-        raise typer.Exit(COMPONENT_FAILED) from None
-    except mendable() as error:
-        sentences = getattr(error, "problems", [str(error)])
-        if isinstance(error, OSError) and (error.filename or error.errno in ADVICE):
-            place = f"`{error.filename}`: " if error.filename else ""
-            found = os.strerror(error.errno) if error.errno in ADVICE else error.strerror  # others add to it
-            advice = ADVICE.get(error.errno or 0, f"Correct the path, {ELSEWHERE}")
-            sentences = [f"{place}{found}. {advice}."]
-        for sentence in sentences:
-            problem(sentence)
-        raise typer.Exit(WRONG_INPUT) from None
-
-
-def mendable() -> tuple[type[Exception], ...]:
-    """Types of errors that come from what a user gave."""
-    from gapsense.kernels.trace import TraceError  # here, so that what needs no arrays starts fast
-
-    return OSError, ValueError, TraceError
-
-
-def stop_if_interrupted(result: cosim.Result) -> None:
-    """Leave after Ctrl-C, where half a run is useless."""
-    if result.interrupted:
-        problem(f"interrupted at t = {result.times[-1]:.6g} s; nothing was written.", "yellow")
-        raise typer.Exit(INTERRUPTED)
-
-
-@contextmanager
-def bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on a terminal; calls with done and total elsewhere do nothing."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
-        task = progress.add_task(title, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
+    raise SystemExit(0 if found.passed else FAILED)
 
 
 def stem(result: cosim.Result) -> str:

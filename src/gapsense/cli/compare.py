@@ -54,7 +54,7 @@ def compare(
     failed = sum(not found.passed for found in made.values())
     if len(made) > 1:
         cli.show(f"{len(made) - failed} results as before, {failed} differ")
-    raise typer.Exit(cli.FAILED if failed else 0)
+    raise SystemExit(cli.FAILED if failed else 0)
 
 
 def tell(found: Comparison, name: str) -> None:

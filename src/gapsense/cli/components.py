@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gapsense import cosim
-from gapsense._os.plain_files import refuse_unwritable
+from gapsense._os.files import refuse_unwritable
 from gapsense.cli.common import FAILED, Fmus, Output, command, notice, problem, show
 from gapsense.problems import InputError, number_of
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
@@ -17,7 +17,7 @@ from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 
 def component_names(incomplete: str) -> list[str]:
     """Completions of a component's name, for the shell."""
-    from gapsense.cosim.prepare import find_fmus
+    from gapsense.cosim.check import find_fmus
 
     known = sorted(file.stem for file in find_fmus(Path("here")).glob("*.fmu"))
     return [name for name in known if name.lower().startswith(incomplete.lower())]
@@ -72,7 +72,7 @@ def build(
     failures = 0
     for path, given in made:
         failures += not is_valid(path, f", {number_of(len(given), 'start value')} given" if parameters else "")
-    raise typer.Exit(FAILED if failures else 0)
+    raise SystemExit(FAILED if failures else 0)
 
 
 Values = Mapping[Path, Mapping[str, Any]]
@@ -116,7 +116,7 @@ def is_valid(path: Path, more: str) -> bool:
 @command("list")
 def list_(root: Root = None) -> None:
     """List components, whether they are built, and scenarios with their variants."""
-    from gapsense.cosim.prepare import find_fmus
+    from gapsense.cosim.check import find_fmus
     from gapsense.fmi.components import find_checkout, find_components, load_component
     from gapsense.report import runs
 
@@ -143,8 +143,8 @@ def info(
     fmus: Fmus = None,
 ) -> None:
     """Show the ports and parameters of a component or of any FMU, with units, start values and ranges."""
+    from gapsense.cosim.check import find_fmus
     from gapsense.cosim.fmu.facts import find_file, read_facts
-    from gapsense.cosim.prepare import find_fmus
     from gapsense.report import runs
 
     facts = read_facts(find_file(name, fmus or find_fmus(Path("here"))))

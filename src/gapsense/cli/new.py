@@ -13,7 +13,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense._os.plain_files import LONGEST_NAME, mask, refuse_unwritable, unfit
+from gapsense._os.files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.cli.common import Output, command, show, written
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
@@ -82,9 +82,9 @@ def schema(
     Name it in the first line of a scenario: `#:schema scenario.schema.json`.
     """
     from gapsense._os.files import write_atomically
-    from gapsense.report import reference
+    from gapsense.report.schema import schema as made
 
-    text = json.dumps(reference.schema(), indent=2)
+    text = json.dumps(made(), indent=2)
     if to is None:
         return show(text)
     write_atomically(to, lambda file: print(text, file=file))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gapsense._os.plain_files import read_bytes, refuse_unwritable
+from gapsense._os.files import read_bytes, refuse_unwritable
 from gapsense.cli.common import Output, command, shown, written
 from gapsense.problems import InputError
 

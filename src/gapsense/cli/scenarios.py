@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 from gapsense import cosim
-from gapsense._os.interrupts import counted
-from gapsense._os.plain_files import refuse_unwritable
+from gapsense._os.files import refuse_unwritable
 from gapsense.cli import common as cli
 from gapsense.cli.compare import draw
+from gapsense.cli.run import TO
+from gapsense.cli.run import run as run_scenario
 from gapsense.cosim.run.ahead import run_ahead
-from gapsense.cosim.scenario.document import scenario_file
 from gapsense.many.ahead import runs_ahead
 from gapsense.problems import number_of
 from gapsense.report import runs
@@ -39,14 +39,11 @@ def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = 
 
 
 @cli.command("run")
-@run_ahead()
 def run(
     scenario: cli.Scenario,
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
-    to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car, or the CSV")] = Path(
-        "results"
-    ),
+    to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car, or the CSV")] = TO,
     every: Annotated[
         float | None,
         typer.Option("--checkpoint", help="Save the run after each such span of simulated time", metavar="SECONDS"),
@@ -60,48 +57,8 @@ def run(
     fmus = cli.chosen(scenario, fmus, native)
     if only_check:
         return check(scenario, variant, fmus, settings)
-    source = cosim.changed(scenario, settings or ())
-    file = cosim.result_file(to, scenario, variant, settings or ())
-    refuse_unwritable(file, file.with_suffix(".json"))
-    saved = file.with_suffix(".checkpoint")
-    checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
-    try:
-        with cli.bar("running") as progress:
-            result = cosim.run(source, variant, fmus, progress=progress, checkpoint=checkpoint, **cli.APART)
-    except cosim.FmuError as error:
-        if error.result is not None and error.result.times.size:
-            save(error.result, file)
-            cli.notice(f"{file}: {number_of(error.result.times.size, 'row')} from before the failure.")
-        raise
-    try:
-        cli.show(*runs.metrics(result), *runs.events(result), runs.timing(result))
-    finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
-        is_stopped = save(result, file)
-    for remark in result.run.remarks:
-        cli.notice(remark)
-    cli.show(f"{file}: {number_of(result.times.size, 'row')}, {number_of(len(result.signals), 'signal')}.")
-    if result.interrupted:
-        on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
-        cli.notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
-        raise typer.Exit(cli.INTERRUPTED)
-    if checkpoint:
-        checkpoint.file.unlink(missing_ok=True)  # nothing is left to go on with
-    failures = [m for m in result.metrics.values() if not m.passed]
-    for measured in failures:
-        cli.problem(f"outside its bounds: {measured}")
-    raise typer.Exit(cli.INTERRUPTED if is_stopped else cli.FAILED if failures else 0)
-
-
-def save(result: cosim.Result, file: Path) -> bool:
-    """Save a result; true after Ctrl-C meanwhile, which may have been meant for the run: only the next one stops it."""
-
-    def tell() -> None:
-        if interrupts() == 1:
-            cli.notice(f"interrupted; {file} is being written. Ctrl-C again stops that.")
-
-    with counted(at_most=1, then=tell) as interrupts:
-        result.save(file)
-    return interrupts() > 0
+    with run_ahead():
+        run_scenario(scenario, variant, fmus, to, every, resume, settings)
 
 
 @cli.command("sweep")
@@ -128,8 +85,8 @@ def sweep(
     """
     engine = cli.engine_of(engine, native)
     fmus = cli.chosen(scenario, fmus, engine == "native")
-    with runs_ahead(workers, engine, scenario_file(scenario)), cli.bar("sweeping") as progress:
-        from gapsense.cosim.run.loop import language  # here, while the workers start
+    with runs_ahead(workers, engine, cosim.scenario_file(scenario)), cli.bar("sweeping") as progress:
+        from gapsense.cosim.run.loop.compiled import language  # here, while the workers start
 
         source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, None, progress, signals, engine)
@@ -146,7 +103,7 @@ def sweep(
         cli.problem(f"run {index}: {error}")
     if swept.interrupted:
         cli.problem("interrupted; the same command goes on from here.", "yellow")
-    raise typer.Exit(cli.INTERRUPTED if swept.interrupted else cli.COMPONENT_FAILED if swept.errors else 0)
+    raise SystemExit(cli.INTERRUPTED if swept.interrupted else cli.COMPONENT_FAILED if swept.errors else 0)
 
 
 @cli.command("figure")
@@ -217,7 +174,7 @@ def test(
     outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process", engine=engine)
     failed = sum(not o.passed for o in outcomes)
     cli.show(f"{len(outcomes) - failed} passed, {failed} failed")
-    raise typer.Exit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
+    raise SystemExit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
 
 
 def picture(outcome: cosim.Outcome, folder: Path) -> None:
@@ -252,11 +209,11 @@ def baseline(
         cli.show(runs.growths(found))
         for growth in [g for g in found if g.is_beyond]:
             cli.problem(f"{growth}. {REMEDY}")
-        raise typer.Exit(cli.FAILED if any(g.is_beyond for g in found) else 0)
-    if write and is_installed(scenario_file(scenario)):
+        raise SystemExit(cli.FAILED if any(g.is_beyond for g in found) else 0)
+    if write and is_installed(cosim.scenario_file(scenario)):
         raise cosim.ScenarioError(
             [f"{scenario} came with Gapsense. Copy it first: `gapsense new mine --like {scenario}`."]
         )
     update = cosim.update_baseline(scenario, variant, fmus, write, isolation="process")
     cli.show(str(update))
-    raise typer.Exit(cli.INTERRUPTED if update.interrupted else 0)
+    raise SystemExit(cli.INTERRUPTED if update.interrupted else 0)

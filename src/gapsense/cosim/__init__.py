@@ -13,9 +13,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gapsense.cosim.prepare import check as check
-    from gapsense.cosim.prepare import prepare as prepare
-    from gapsense.cosim.prepare import remarks as remarks
+    from gapsense.cosim.check import check as check
+    from gapsense.cosim.check import find_fmus as find_fmus
+    from gapsense.cosim.check import prepare as prepare
+    from gapsense.cosim.check import remarks as remarks
     from gapsense.cosim.regression import Outcome as Outcome
     from gapsense.cosim.regression import Update as Update
     from gapsense.cosim.regression import find_scenarios as find_scenarios
@@ -33,30 +34,28 @@ if TYPE_CHECKING:
     from gapsense.cosim.result.sidecar import relative as relative
     from gapsense.cosim.result.sidecar import result_file as result_file
     from gapsense.cosim.run.checkpoint import Checkpoint as Checkpoint
-    from gapsense.cosim.run.failure import FmuError as FmuError
     from gapsense.cosim.run.master import Master as Master
     from gapsense.cosim.run.run import run as run
     from gapsense.cosim.run.run import run_once as run_once
-    from gapsense.cosim.scenario.document import changed as changed
+    from gapsense.cosim.scenario.read import changed as changed
     from gapsense.cosim.scenario.read import load as load
+    from gapsense.cosim.scenario.read import scenario_file as scenario_file
     from gapsense.cosim.scenario.records import Scenario as Scenario
     from gapsense.cosim.sensitivity import Growth as Growth
     from gapsense.cosim.sensitivity import sensitivity as sensitivity
+    from gapsense.many.sweep import Sweep as Sweep
     from gapsense.many.sweep import sweep as sweep
-    from gapsense.many.sweep_table import Sweep as Sweep
+    from gapsense.problems import FmuError as FmuError
     from gapsense.problems import ScenarioError as ScenarioError
 
 OF_MODULES = {
-    "scenario.document": ("changed",),
     "run.checkpoint": ("Checkpoint",),
     "result.compare": ("compare",),
-    "junit": ("write_junit",),
-    "scenario.read": ("load",),
+    "scenario.read": ("changed", "load", "scenario_file"),
     "run.master": ("Master",),
     "result.metrics": ("Measured",),
     "result.pairs": ("compare_results",),
-    "prepare": ("check", "prepare", "remarks"),
-    "run.failure": ("FmuError",),
+    "check": ("check", "find_fmus", "prepare", "remarks"),
     "result.result": ("Result", "read_result"),
     "regression": (
         *("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline", "write_junit"),
@@ -67,7 +66,12 @@ OF_MODULES = {
     "result.sidecar": ("own_file", "refuse_other", "relative", "result_file"),
 }
 OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
-OFFERED |= {"ScenarioError": "gapsense.problems", "sweep": "gapsense.many.sweep", "Sweep": "gapsense.many.sweep_table"}
+OFFERED |= {
+    "FmuError": "gapsense.problems",
+    "ScenarioError": "gapsense.problems",
+    "sweep": "gapsense.many.sweep",
+    "Sweep": "gapsense.many.sweep",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -7,23 +7,21 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from gapsense._os.files import write_atomically, write_columns
-from gapsense._os.plain_files import unfit, unwritable
+from gapsense._os.files import unfit, unwritable, write_atomically, write_columns
 from gapsense.cosim.result.compare import Comparison, compare, selected, thinned
 from gapsense.cosim.result.result import TIME, Result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.run.ahead import FMU, run_ahead
 from gapsense.cosim.run.engines import folder_of, refuse_unknown, run_as_vectors
-from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.run import run
-from gapsense.cosim.scenario.document import Document, Source, scenario_file
-from gapsense.cosim.scenario.read import load, read_draft
+from gapsense.cosim.scenario.read import Document, Source, load, read_draft, scenario_file
 from gapsense.cosim.scenario.records import Baseline, Scenario
-from gapsense.problems import ScenarioError
+from gapsense.problems import FmuError, ScenarioError
 from gapsense.tables import parsed, read_toml
 
 HEADS = re.compile(r'"time( \[s\])?"(,"[A-Za-z_]\w*\.[^"\n]+")+$', re.MULTILINE)  # of a baseline
@@ -178,32 +176,18 @@ def test_scenario(
     """Run one scenario, known under a name, and check it; whatever goes wrong is in the outcome, nothing is raised."""
     path, begin = scenario_file(path), perf_counter()
     name = name or titled(path.resolve().parent.name, variant)
+    outcome = partial(Outcome, name, path, variant)
     try:
         scenario = load(path, variant)
         by_vectors = run_as_vectors(path, variant, fmus, engine)
         result = by_vectors or run(path, variant, folder_of(engine, path, fmus), isolation=isolation)
     except (ScenarioError, FmuError, OSError) as error:
-        return Outcome(
-            scenario=name,
-            path=path,
-            variant=variant,
-            checks=(Check("run", str(error)),),
-            seconds=perf_counter() - begin,
-        )
+        return outcome((Check("run", str(error)),), perf_counter() - begin)
     is_held = scenario.baseline.file.is_file() and not result.interrupted
     comparison = compare(result, scenario.baseline) if is_held else None
     found = tuple(checks(scenario, result, comparison))
     remark = remark_on(scenario.baseline, comparison)
-    return Outcome(
-        scenario=name,
-        path=path,
-        variant=variant,
-        checks=found,
-        seconds=perf_counter() - begin,
-        result=result,
-        comparison=comparison,
-        remark=remark,
-    )
+    return outcome(found, perf_counter() - begin, result=result, comparison=comparison, remark=remark)
 
 
 test_scenario.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test

@@ -13,15 +13,13 @@ from random import Random
 
 import numpy as np
 
-from gapsense.cosim.check.values import within
+from gapsense.cosim.check import prepare, within
 from gapsense.cosim.fmu.descriptions import Description, Variable
-from gapsense.cosim.prepare import prepare
 from gapsense.cosim.result.compare import selected, thinned, tolerance_of
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.scenario.elements import Component, Port
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.records import Component, Port, Scenario
 from gapsense.tables import Value, is_number
 
 PERTURBATION, DRAWS = 1e-9, 4

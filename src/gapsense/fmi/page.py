@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from markdown_it import MarkdownIt
@@ -24,26 +25,7 @@ what drives it; {step:g} us is a good one.{micro}
 """
 MICRO = " Within a step it integrates in steps of at most `micro_step`."
 TITLES = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters"}
-STYLE = """:root{color-scheme:light dark;--text:#1b1f24;--back:#fff;--faint:#57606a;--line:#d0d7de;--box:#f6f8fa;
---c0:#0969da;--c1:#bc4c00;--c2:#1a7f37}
-@media(prefers-color-scheme:dark){:root{--text:#e6edf3;--back:#0d1117;--faint:#9198a1;--line:#3d444d;--box:#161b22;
---c0:#4493f8;--c1:#f0883e;--c2:#3fb950}}
-body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:var(--text);
-background:var(--back);overflow-wrap:break-word}
-a{color:var(--c0)}h1 small{font-weight:normal;color:var(--faint);font-size:.6em}
-.wide{overflow-x:auto;margin:.5rem 0 1.5rem}
-.wide tr>:first-child{position:sticky;left:0;background:var(--back)}.wide th:first-child{background:var(--box)}
-table{border-collapse:collapse;width:100%}
-td,th{border-bottom:1px solid var(--line);padding:.3rem .6rem;text-align:left;vertical-align:top}
-th{background:var(--box)}.number,td code{white-space:nowrap}.name code{white-space:normal}.meaning{min-width:12rem}
-code,pre{background:var(--box);padding:.1rem .3rem;border-radius:4px}pre{padding:.8rem;overflow-x:auto}
-figure{margin:1.5rem 0}figcaption{color:var(--faint);font-size:.9em}svg{display:block;width:100%;max-width:44rem}
-svg text{font:12px system-ui,sans-serif;fill:var(--text)}.mid{text-anchor:middle}.end{text-anchor:end}
-.grid{stroke:var(--line);fill:none}polyline{fill:none;stroke-width:1.5;stroke-linejoin:round}
-polyline.c0{stroke:var(--c0)}polyline.c1{stroke:var(--c1)}polyline.c2{stroke:var(--c2)}
-@media(max-width:40rem){td,th{padding:.3rem}}
-svg text.c0{fill:var(--c0)}svg text.c1{fill:var(--c1)}svg text.c2{fill:var(--c2)}"""
-
+STYLE = Path(__file__).with_name("page.css")
 RUN = """## How to run
 
 The FMU runs in Python: it needs a Python 3.9 or later with its shared library on the machine
@@ -77,9 +59,10 @@ def html(component: Component, markdown: str, version: str, picture: str = "", r
         f"{picture}{render(text)}\n{render(chapter(component))}\n{tables}\n"
         f"{render(run.format(step=component.step_size) + TRY)}"
     )
+    style = STYLE.read_text(encoding="utf-8")
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{component.name}</title>'
-        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
+        f'<meta name="viewport" content="width=device-width"><style>{style}</style></head>'
         f"<body>\n<h1>{component.name} <small>Gapsense {version}</small></h1>\n<p>{escape(component.description)}</p>\n"
         f"{body}</body></html>\n"
     )

@@ -25,6 +25,7 @@ REFERENCE, PARAMETERS, STIMULI, RESULTS, EXPERIMENTS, TYPICAL = (
     *("reference.csv", "parameters.ssv", "stimuli.csv", "results.csv", "reference.exp"),
     FILE,
 )
+TYPES = {".csv": "text/csv", ".ssv": "application/x-ssp-parameter-set", ".exp": "application/x-ma-hs-experiments"}
 MANIFEST = {
     "xmlns:fmi-ls": "http://fmi-standard.org/fmi-ls-manifest",
     "fmi-ls:fmi-ls-name": "org.fmi-standard.fmi-ls-ref",
@@ -56,7 +57,6 @@ class Related(NamedTuple):
     name: str
     data: bytes
     role: str
-    type: str
     description: str
 
 
@@ -93,43 +93,16 @@ def reference(component: Component, path: Path) -> Run | None:
 
 def related(component: Component, run: Run | None, fmi: int) -> list[Related]:
     """The parameters, and the experiment if there is a run."""
-    ssv = "application/x-ssp-parameter-set"
-    found = [
-        Related(
-            name=PARAMETERS,
-            data=parameter_set(component, fmi),
-            role="parameter",
-            type=ssv,
-            description="All parameters as Gapsense ships them",
-        )
-    ]
+    found = [Related(PARAMETERS, parameter_set(component, fmi), "parameter", "All parameters as Gapsense ships them")]
     if run is None:
         return found
     inputs, outputs = ([port.name for port in component.of(causality)] for causality in ("input", "output"))
-    told, kind = f"Short run of {component.name} with random inputs", "application/x-ma-hs-experiments"
+    told = f"Short run of {component.name} with random inputs"
     return [
         *found,
-        Related(
-            name=EXPERIMENTS,
-            data=experiments(component, run, told),
-            role="experiment/smoke-test",
-            type=kind,
-            description=told,
-        ),
-        Related(
-            name=STIMULI,
-            data=sheet(inputs, run.times[:-1], run.inputs[1:]),
-            role="other",
-            type="text/csv",
-            description="Inputs of that run",
-        ),
-        Related(
-            name=RESULTS,
-            data=sheet(outputs, run.times, run.outputs),
-            role="result",
-            type="text/csv",
-            description="Results of that run",
-        ),
+        Related(EXPERIMENTS, experiments(component, run, told), "experiment/smoke-test", told),
+        Related(STIMULI, sheet(inputs, run.times[:-1], run.inputs[1:]), "other", "Inputs of that run"),
+        Related(RESULTS, sheet(outputs, run.times, run.outputs), "result", "Results of that run"),
     ]
 
 
@@ -138,15 +111,7 @@ def typical(path: Path) -> list[Related]:
     if not path.is_file():
         return []
     title, _, rest = path.read_text(encoding="utf-8").partition("\n")
-    return [
-        Related(
-            name=TYPICAL,
-            data=rest.encode(),
-            role="result",
-            type="text/csv",
-            description=title.lstrip("# ").replace("`", ""),
-        )
-    ]
+    return [Related(TYPICAL, rest.encode(), "result", title.lstrip("# ").replace("`", ""))]
 
 
 def sheet(names: list[str], times: list[str], rows: list[list[str]]) -> bytes:
@@ -159,7 +124,12 @@ def manifest(found: list[Related]) -> bytes:
     """The list of files, with their checksums."""
     root = Element("fmiReferences", MANIFEST)
     for item in found:
-        about = {"type": item.type, "source": item.name, "role": item.role, "description": item.description}
+        about = {
+            "type": TYPES[Path(item.name).suffix],
+            "source": item.name,
+            "role": item.role,
+            "description": item.description,
+        }
         SubElement(root, "Related", about, checksum=hashlib.sha3_256(item.data).hexdigest(), checksumType="SHA3-256")
     return text(root)
 

@@ -30,11 +30,11 @@ class Cause(NamedTuple):
     """One of them."""
 
     unit: str
-    small: float  # value for a difference quotient, of `scale`
     scale: Callable[[Signals], float]  # what is large
     change: Callable[[Signals, float], Signals]  # the signals of the model, if the cause has this value
     sentence: str  # what it is, before its value
     is_positive: bool = False  # as resistances are
+    small: float = 1e-4  # value for a difference quotient, of `scale`
 
 
 def apply_causes(s: Signals, values: Mapping[str, float]) -> Signals:
@@ -51,16 +51,6 @@ def delayed(s: Signals, value: float) -> Signals:
     return s._replace(halves=np.interp(at, np.arange(flat.size), flat).reshape(-1, 2))
 
 
-def offset(s: Signals, value: float) -> Signals:
-    """The current is smaller."""
-    return s._replace(current=s.current - value)
-
-
-def shifted(s: Signals, value: float) -> Signals:
-    """The voltage is smaller."""
-    return s._replace(halves=s.halves - value)
-
-
 def series(s: Signals, value: float) -> Signals:
     """A resistance in series takes its part of the voltage while this is on."""
     return s._replace(halves=s.halves - np.where(is_on(s), value * _current_of_halves(s.current), 0.0))
@@ -74,16 +64,6 @@ def drop(s: Signals, value: float) -> Signals:
 def eddy(s: Signals, value: float) -> Signals:
     """Eddy currents, as a conductance beside the coil."""
     return s._replace(current=s.current - value * (s.halves.mean(axis=1) - s.resistance * trapezoid(s.current)))
-
-
-def less_current(s: Signals, value: float) -> Signals:
-    """The current is smaller by this part."""
-    return s._replace(current=s.current * (1.0 - value))
-
-
-def less_voltage(s: Signals, value: float) -> Signals:
-    """The voltage is smaller by this part."""
-    return s._replace(halves=s.halves * (1.0 - value))
 
 
 def tail(s: Signals, value: float) -> Signals:
@@ -147,40 +127,18 @@ def _one(s: Signals) -> float:
 
 
 CAUSES: Mapping[str, Cause] = {
-    "delay": Cause(
-        unit="s",
-        small=1e-2,
-        scale=lambda s: s.dt,
-        change=delayed,
-        sentence="a current that is late, beside the voltage, by",
-    ),
-    "offset": Cause(unit="A", small=1e-4, scale=_amperes, change=offset, sentence="an offset of the current of"),
-    "shift": Cause(unit="V", small=1e-4, scale=_volts, change=shifted, sentence="an offset of the voltage of"),
-    "series": Cause(
-        unit="Ohm",
-        small=1e-4,
-        scale=_ohms,
-        change=series,
-        sentence="a resistance in series while the voltage is on, of",
-        is_positive=True,
-    ),
-    "drop": Cause(
-        unit="V", small=1e-4, scale=_volts, change=drop, sentence="a drop while the current falls, of", is_positive=True
-    ),
-    "eddy": Cause(
-        unit="S",
-        small=1e-4,
-        scale=lambda s: 1.0 / s.resistance,
-        change=eddy,
-        sentence="eddy currents of a core with",
-        is_positive=True,
-    ),
+    "delay": Cause("s", lambda s: s.dt, delayed, "a current that is late, beside the voltage, by", small=1e-2),
+    "offset": Cause("A", _amperes, lambda s, x: s._replace(current=s.current - x), "an offset of the current of"),
+    "shift": Cause("V", _volts, lambda s, x: s._replace(halves=s.halves - x), "an offset of the voltage of"),
+    "series": Cause("Ohm", _ohms, series, "a resistance in series while the voltage is on, of", is_positive=True),
+    "drop": Cause("V", _volts, drop, "a drop while the current falls, of", is_positive=True),
+    "eddy": Cause("S", lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", is_positive=True),
 }
-HIDDEN = {  # what no residual need show: other values of the parameters explain much the same
-    "current": Cause(unit="1", small=1e-4, scale=_one, change=less_current, sentence="a current that is too large by"),
-    "voltage": Cause(unit="1", small=1e-4, scale=_one, change=less_voltage, sentence="a voltage that is too large by"),
-    "tail": Cause(unit="V", small=1e-4, scale=_volts, change=tail, sentence="a drop that ends later, of"),
-    "drift": Cause(
-        unit="1", small=1e-4, scale=_one, change=drift, sentence="a resistance that grows during an operation, by"
+HIDDEN = {  # what no residual need show: other values of the parameters explain much the same; relative, but for volts
+    "current": Cause(
+        "1", _one, lambda s, x: s._replace(current=s.current * (1.0 - x)), "a current that is too large by"
     ),
+    "voltage": Cause("1", _one, lambda s, x: s._replace(halves=s.halves * (1.0 - x)), "a voltage that is too large by"),
+    "tail": Cause("V", _volts, tail, "a drop that ends later, of"),
+    "drift": Cause("1", _one, drift, "a resistance that grows during an operation, by"),
 }

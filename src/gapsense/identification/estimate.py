@@ -23,6 +23,7 @@ from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import problems
 from gapsense.identification.assumptions import is_device, list_values, meanings
+from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.checks import begins_at_rest
 from gapsense.identification.measurements.operations import Flux, operations, starts
 from gapsense.identification.measurements.operations import estimate as integral
@@ -288,11 +289,6 @@ def remedy(told: Truth, estimate: Estimate) -> str:
         "Its parameters, or the voltage, are not those of this device: identify it with `gapsense identify`, and see"
         " what `gapsense inspect` says of the record."
     )
-
-
-def rms(x: Vector) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def _ohm(told: Truth) -> str:

@@ -14,18 +14,19 @@ from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification import temperature
 from gapsense.identification.assumptions import ask
 from gapsense.identification.coil.fit import Coil, fit_coil, validate_coil
-from gapsense.identification.coil.show import coil_figure, coil_tables, write_coil
+from gapsense.identification.coil.show import coil_errors, coil_tables, write_coil
 from gapsense.identification.gap_law.laws import Law
 from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
-from gapsense.identification.measurements.record import Reading, Record, between, until
+from gapsense.identification.measurements.record import Reading, Record, between, part
 from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
 from gapsense.identification.residual import noises
+from gapsense.identification.show import measured_and_model
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
 from gapsense.identification.valve.driver import Driver, doubt_resistance, driver_notes, read_driver
-from gapsense.identification.valve.fit import Identified
+from gapsense.identification.valve.fit import Identified, fit_valve
 from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, plain
-from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, keep_law
+from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, find_gap, keep_law
 from gapsense.identification.valve.model import check_guess, take_out_causes
 from gapsense.identification.valve.show import (
     BY_NAME,
@@ -33,24 +34,13 @@ from gapsense.identification.valve.show import (
     Known,
     read_known,
     validate_valve,
-    valve_figure,
+    valve_errors,
     valve_tables,
     write_valve,
 )
 from gapsense.problems import InputError
-from gapsense.report import plot
 
 FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
-NOT_COMMISSIONED = (
-    "--model",
-    "--period",
-    "--temperature",
-    "--forms",
-    "--hold",
-    "--inductance",
-    "--driver",
-    "--accuracy",
-)
 
 
 def sought(forms: str, hold: Sequence[str], known: Known, accuracy: Mapping[str, float]) -> Sought:
@@ -72,11 +62,11 @@ def sought(forms: str, hold: Sequence[str], known: Known, accuracy: Mapping[str,
     return Sought(tried, fields, known.losses, given=known.given, accuracy=errors)
 
 
-def check_believed(parameters: Path | None, others: Sequence[object]) -> Path:
+def check_believed(parameters: Path | None, others: Mapping[str, object]) -> Path:
     """What `--commission` takes for the device; a ValueError tells what is missing, or which options it has not."""
     if parameters is None:
         raise ValueError("--commission: `--parameters` is missing. Give a set with what is believed of the device.")
-    if given := [name for name, value in zip(NOT_COMMISSIONED, others) if value and value != AUTO]:
+    if given := [f"--{name}" for name, value in others.items() if value and value != AUTO]:
         raise ValueError(f"--commission: {', '.join(given)} found; it has no such option. Leave it out.")
     return parameters
 
@@ -88,31 +78,12 @@ def split_names(texts: Sequence[str]) -> list[str]:
 
 TABLE_I = "[SEMERA] Table I"
 HOLD = " (in place of `gap.slope` also `coil.turns`, with `--hold coil.turns`)"
+TITLE = "Measured and identified"
 LAW = Law("sought", 0.0, ())
 
 
-class Asked(NamedTuple):
-    """The options of the command; from `model` on those that commissioning has not."""
-
-    data: Sequence[Path]
-    how: Reading  # the files are read
-    to: Path
-    validate: Sequence[Path]
-    figure: Path | None
-    parameters: Path | None
-    assume: bool
-    model: str
-    period: float | None
-    temperatures: str | None
-    forms: str
-    hold: Sequence[str]
-    inductance: Path | None
-    driver: str | None
-    accuracy: str | None
-
-
 class Given(NamedTuple):
-    """What was read."""
+    """What was asked and what was read."""
 
     known: Known
     drive: Driver
@@ -120,13 +91,19 @@ class Given(NamedTuple):
     records: list[Record]
     kept: list[Record]  # for the validation
     conventions: Sequence[str]  # of the voltage between samples, that are left to the fit
-    asked: Asked
+    convention: str  # with which the records were read
+    sources: Sequence[Path]
+    file: Path | None  # of what is known
+    is_assumed: bool  # what is missing
+    model: str
+    period: float | None
+    inductance: Path | None
 
     def ask(self) -> None:
         """Ask for what a valve needs that the user has not given, before anything is fitted."""
         is_law_known = bool({"gap_law", "gap_slope", "gap_area"} & self.known.given)
         has_position = any(record.position is not None for record in self.records)
-        is_told = self.asked.inductance is not None or (has_position and not is_law_known)
+        is_told = self.inductance is not None or (has_position and not is_law_known)
         sought = self.sought._replace(held=(*self.sought.held, TURNS), gap=()) if is_told else self.sought
         self.ask_for(self.known.parameters, sought)
 
@@ -134,34 +111,47 @@ class Given(NamedTuple):
         """The same, with what is sought of the gap."""
         form = plain(parameters, sought)
         names = missing(form if sought.gap is None else form._replace(law=LAW), self.known.given)
-        if not self.asked.assume:
-            file = self.asked.parameters
-            where = file.name if file else "--parameters"
+        if not self.is_assumed:
+            where = self.file.name if self.file else "--parameters"
             more = HOLD if "gap_slope" in names else ""
             ask([PORTS[name].name for name in names], BY_NAME, where, TABLE_I, more)
 
-    @property
-    def driven(self) -> list[Record]:
-        """The kept records, with what is known of the driver."""
-        return [record._replace(drive=self.drive.values) for record in self.kept]
 
-
-def read(asked: Asked) -> Given:
-    """Read all files; an error tells what is wrong with them or with an option."""
-    if asked.figure is not None:
-        plot.check_file(asked.figure)
-    known, drive = read_known(asked.parameters), read_driver(asked.driver, asked.accuracy)
-    seeking = sought(asked.forms, asked.hold, known, drive.accuracy)
-    records = with_temperatures(asked.temperatures, read_records(asked.data, asked.how, asked.period))
-    is_open = asked.how.convention == AUTO and not all(record.is_mean for record in records)
+def read(
+    data: Sequence[Path],
+    how: Reading,
+    validate: Sequence[Path],
+    parameters: Path | None,
+    assume: bool,
+    *,
+    model: str,
+    period: float | None,
+    temperature: str | None,
+    forms: str,
+    hold: Sequence[str],
+    inductance: Path | None,
+    driver: str | None,
+    accuracy: str | None,
+) -> Given:
+    """Read all files, as the options of the command say; an error tells what is wrong with them or with an option."""
+    known, drive = read_known(parameters), read_driver(driver, accuracy)
+    seeking = sought(forms, hold, known, drive.accuracy)
+    records = with_temperatures(temperature, read_records(data, how, period))
+    is_open = how.convention == AUTO and not all(record.is_mean for record in records)
     return Given(
         known=known,
         drive=drive,
         sought=seeking,
         records=[record._replace(drive=drive.values) for record in records],
-        kept=read_records(asked.validate, asked.how, needs="rest"),
+        kept=read_records(validate, how, needs="rest"),
         conventions=CONVENTIONS if is_open else (),
-        asked=asked,
+        convention=how.convention,
+        sources=data,
+        file=parameters,
+        is_assumed=assume,
+        model=model,
+        period=period,
+        inductance=inductance,
     )
 
 
@@ -175,7 +165,7 @@ NEITHER = (
 
 def quick(records: Sequence[Record], period: float | None, conventions: Sequence[str]) -> Coil | None:
     """The coil of the first operations alone, if no coil explains any of them: then none explains the records."""
-    firsts = [until(record, operations(record, period)[0].stop) for record in records]
+    firsts = [part(record, slice(operations(record, period)[0].stop + 1)) for record in records]
     if not all(operations(record, period) for record in firsts):
         return None
     each = [fit_coil([record], period, conventions, False) for record in firsts]
@@ -222,36 +212,53 @@ class Finished(NamedTuple):
 
     shown: Sequence[Table | str]
     figure: Callable[[], Figure]
-    is_explained: bool
+    passed: bool  # whether it explains the records
+    standard_errors: Mapping[str, float]
 
 
-def finish_valve(asked: Asked, given: Given, start: Gap, result: Identified) -> Finished:
+def identify(given: Given, to: Path, starts: int, seed: int, progress: Progress) -> Finished:
+    """A coil or a valve, written to a parameter-set file."""
+    if given.model == "solenoid_valve":
+        given.ask()
+    par, period, open_ = given.known.parameters, given.period, given.conventions
+    coil, told = coil_of(given.model, given.records, par, period, open_, progress)
+    if coil is not None:
+        return finish_coil(given, coil, told, to)
+    given.ask()
+    start = find_gap(par, given.records, given.sought, given.inductance, open_, period)
+    given.ask_for(start.parameters, start.sought)
+    result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
+    return finish_valve(given, start, result, told, to)
+
+
+def finish_valve(given: Given, start: Gap, result: Identified, told: Sequence[str], to: Path) -> Finished:
     """A valve, written."""
     records, R = start.records, result.resistance
     coefficient = temperature.coefficient(records, result.fluxes)
-    convention = result.convention or asked.how.convention
+    convention = result.convention or given.convention
     kept = [between(record._replace(drive=result.drive), convention) for record in given.kept]
     checks = validate_valve(result.parameters, kept, coefficient)
     notes = [*driver_notes(result.drive), *temperature_notes(R, coefficient)]
-    law = keep_law(given.known, result, asked.to)
-    write_valve(asked.to, result, law, asked.data, noises(records), notes)
+    write_valve(to, result, keep_law(given.known, result, to), given.sources, noises(records), notes)
     doubts = doubt_resistance(R, given.known.resistance)
     tables = [*start.told, *valve_tables(result, records, checks), *describe_gap(result, records)]
     return Finished(
-        shown=[*tables, *temperature_tables(records, R, coefficient), *doubts],
-        figure=lambda: valve_figure(result, records, checks),
-        is_explained=result.is_explained and not doubts,
+        shown=[*tables, *temperature_tables(records, R, coefficient), *doubts, *told],
+        figure=lambda: measured_and_model(TITLE, [*zip(records, result.models)], checks),
+        passed=result.is_explained and not doubts,
+        standard_errors=valve_errors(result),
     )
 
 
-def finish_coil(asked: Asked, given: Given, result: Coil) -> Finished:
+def finish_coil(given: Given, result: Coil, told: Sequence[str], to: Path) -> Finished:
     """A coil, written."""
-    kept = [take_out_causes(record, result.convention) for record in given.driven]
+    kept = [take_out_causes(record._replace(drive=given.drive.values), result.convention) for record in given.kept]
     checks = [validate_coil(result, record) for record in kept]
     turns = given.known.parameters.coil_turns if "coil_turns" in given.known.given else 0.0
-    write_coil(asked.to, result, turns, asked.data)
+    write_coil(to, result, turns, given.sources)
     return Finished(
-        shown=coil_tables(result, turns, checks),
-        figure=lambda: coil_figure(result, checks),
-        is_explained=result.is_explained,
+        shown=[*coil_tables(result, turns, checks), *told],
+        figure=lambda: measured_and_model(TITLE, [*zip(result.records, result.models)], checks, shows_flux=True),
+        passed=result.is_explained,
+        standard_errors=coil_errors(result, turns),
     )

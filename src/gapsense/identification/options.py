@@ -1,8 +1,108 @@
-"""Names of what an identification may try; apart from the rest, since the commands' help names them."""
+"""The options of the functions on records and of the commands of the same names, in one table; names that they take."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from inspect import Parameter, signature
+from pathlib import Path
+from textwrap import fill, indent
+from typing import Any, NamedTuple, TypeVar
 
 CONVENTIONS = ("trapezoid", "end", "start")  # what a recorded voltage was between two samples
 FORMS = ("eddy", "hysteresis", "fringing")  # what the plain model may have added
 PLAIN = "plain"  # nothing of it
 AUTO = "auto"  # what explains the records best
+MODELS = (AUTO, "coil", "solenoid_valve")
+TYPES = {  # of an argument of a function, by that of a command
+    bool: "bool",
+    int: "int",
+    float: "float",
+    str: "str",
+    Path: "path",
+    list[str]: "str, sequence of str or mapping",
+    list[Path]: "path, mapping of arrays, or several",
+}
+
+
+class Option(NamedTuple):
+    """An option, for the help of a command and for the docstring of a function."""
+
+    what: str  # for both, or for the command alone
+    kind: Any  # type of the command's option
+    here: str = ""  # for the function, if it differs; {} is the other sentence
+    without: str = ""  # what holds where the command has none
+    limits: tuple[float, float | None] | None = None
+
+
+VALVE = "`sample_valve.csv` comes with Gapsense"
+FILE = "CSV file with the columns time [s], voltage [V], current [A], or arrays by these names"
+OPTIONS = {
+    "data": Option(
+        f"CSV files: time [s], voltage [V], current [A]; {VALVE}", list[Path], FILE.replace("file with", "files with")
+    ),
+    "estimate.data": Option(f"CSV file: time [s], voltage [V], current [A]; {VALVE}", Path, FILE),
+    "gap_law.data": Option("CSV file: gap [mm], inductance [mH], or inductance 100Hz [mH], ...", Path),
+    "model": Option(f"What was measured: {', '.join(MODELS)}", str),
+    "commission": Option("All parameters of `Mhe`: the command `gapsense commission`", bool),
+    "parameters": Option("Parameter-set file: what is known, stops, gap law, spring; first guesses", Path),
+    "commission.parameters": Option("What is believed of the device, for `Mhe`", Path, "Parameter-set file. {}"),
+    "gap_law.parameters": Option("What else is known of the valve", Path, "Parameter-set file. {}"),
+    "estimate.parameters": Option("Parameter-set file; each estimator takes what it has", list[Path]),
+    "assume": Option("Assume what is not given, list it, and mark it in the file; answers are relative then", bool),
+    "validate": Option("Record that is kept for the validation", list[Path]),
+    "period": Option("Length of an operation in s", float, "{}; by default operations end at rest", "to rest"),
+    "resistance": Option("Of the coil, by a meter, in Ohm", float),
+    "turns": Option(
+        "Turns of the coil", float, "{}, by default those of `parameters`", "of --parameters", (1e-9, None)
+    ),
+    "voltage": Option(f"Voltage between two samples: {', '.join((AUTO, *CONVENTIONS))}", str),
+    "temperature": Option("Of each record in degC: 23,60,85", str, without="column `temperature`"),
+    "forms": Option(f"What the model may have more: {', '.join((AUTO, PLAIN, *FORMS))}", str),
+    "hold": Option("Parameter that keeps its value, as `coil.turns`", list[str]),
+    "inductance": Option("CSV file: gap [mm], inductance [mH], for the gap law", Path),
+    "driver": Option(
+        "What it takes of a recorded command: series=OHM,drop=V, or `fit`; delay=S of the current",
+        str,
+    ),
+    "accuracy": Option(
+        "In percent, for the standard errors: voltage=0.5,current=1, or of what is known: stop.upper=2", str
+    ),
+    "estimator": Option("Names, with commas", str, without="all that the record has the inputs of"),
+    "column": Option(
+        "QUANTITY=NAME: column, or signal of a result, that holds the quantity",
+        list[str],
+        "Column, or signal of a result, that holds a quantity, as a mapping or by QUANTITY=NAME",
+    ),
+    "separator": Option("Separator of the cells of a CSV file", str),
+    "decimal": Option("Decimal point of the numbers", str),
+    "clipped": Option("Accept signals at the limits of their converter", bool),
+    "offset": Option("QUANTITY=VALUE: what it is off by, beside what it is at rest", list[str]),
+    "starts": Option("Starts of least squares; 0: multi-directional search", int, limits=(0, 10**7)),
+    "seed": Option("Of the random starts", int, limits=(0, 2**31 - 1)),
+    "fmus": Option("Folder of the FMUs", Path, without="build/fmus, or else those that come with Gapsense"),
+    "out": Option("Parameter-set file to write", Path),
+    "estimate.out": Option("CSV file of the estimates", Path),
+    "figure": Option("PNG, PDF or SVG file", Path, "{} to write"),
+    "progress": Option("Is called with the work that is done and all of it", None),
+}
+SHIPPED = {"data", "estimate.data", "parameters", "commission.parameters", "estimate.parameters", "validate"}
+OUTPUTS = {"out", "figure"}
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def key(function: str, name: str) -> str:
+    """Of an option of the function of that name, in the table."""
+    return own if (own := f"{function}.{name}") in OPTIONS else name
+
+
+def documented(function: Function) -> Function:
+    """The function with its arguments in its docstring, before what it returns."""
+    told = ["Parameters\n----------"]
+    for name, argument in signature(function).parameters.items():
+        option = OPTIONS[key(function.__name__, name)]
+        optional = "" if argument.default is Parameter.empty or option.kind is bool else ", optional"
+        sentence = fill(f"{(option.here or '{}').format(option.what)}.", 110)
+        told.append(f"{name} : {TYPES.get(option.kind, 'callable')}{optional}\n{indent(sentence, '    ')}")
+    before, returns, after = (function.__doc__ or "").partition("    Returns\n")
+    function.__doc__ = f"{before}{indent(chr(10).join(told), '    ')}\n\n{returns}{after}"
+    return function

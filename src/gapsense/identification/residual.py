@@ -102,7 +102,7 @@ def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDAr
     jumps = np.flatnonzero(np.abs(np.diff(v)) > JUMP * np.ptp(v))
     edges = np.zeros(v.size, dtype=bool)
     edges[np.clip(jumps[:, None] + np.arange(AFTER + 1), 0, v.size - 1)] = True
-    moves = _spread(np.abs(np.diff(at, prepend=at[0])) > 0.0)
+    moves = np.convolve(np.diff(at, prepend=at[0]) != 0.0, np.ones(3), mode="same") > 0.0  # and their neighbours
     flows = np.abs(model.current) > SMALL * np.abs(model.current).max()
     driven = v > 0.5 * v.max()
     left = ~edges & ~moves
@@ -113,11 +113,6 @@ def _places(record: Record, model: Trajectory, first: int) -> dict[str, npt.NDAr
         "decay": left & flows & ~driven,
         "rest": left & ~flows,
     }
-
-
-def _spread(is_true: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """True also for the neighbours of what is true."""
-    return np.asarray(np.convolve(is_true, np.ones(3), mode="same") > 0.0)
 
 
 def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, str] = CAUSES) -> str:
@@ -148,16 +143,15 @@ def noises(records: Sequence[Record]) -> dict[str, float]:
     """The largest noise of some records, by the parameters of estimators; three digits are more than it is known to."""
     firsts = [next(iter(starts(record)), 0) for record in records]
     found = {
-        "noise.voltage": max(_voltage(record, first) for record, first in zip(records, firsts)),
+        "noise.voltage": max(_least(_of_drive(r.voltage, first), r.voltage) for r, first in zip(records, firsts)),
         "noise.current": max(_least(noise_of(r, first), r.current) for r, first in zip(records, firsts)),
     }
     return {name: float(f"{value:.3g}") for name, value in found.items()}
 
 
-def _voltage(record: Record, first: int) -> float:
+def _of_drive(v: Vector, first: int) -> float:
     """That of the voltage: at rest if there is any, for a drive that switches often has jumps everywhere."""
-    v = record.voltage
-    return _least(max(rounding(v), float(v[:first].std()) if first >= REST else noise(v)), v)
+    return max(rounding(v), float(v[:first].std()) if first >= REST else noise(v))
 
 
 def rounding(x: Vector) -> float:

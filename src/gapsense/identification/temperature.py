@@ -101,19 +101,17 @@ def coefficient(records: Sequence[Record], fluxes: Sequence[Flux]) -> Coefficien
         return None
     T = np.array([record.temperature for record in records], dtype=float)
     R, errors = np.array([resistance(record, flux) for record, flux in zip(records, fluxes)]).T
-    A = np.stack((np.ones_like(T), T - REFERENCE), axis=1) / errors[:, None]
-    covariance = np.linalg.inv(A.T @ A)
-    R_20, slope = covariance @ A.T @ (R / errors)
-    left = R / errors - A @ [R_20, slope]
+    line, covariance = np.polyfit(T - REFERENCE, R, 1, w=1.0 / errors, cov="unscaled")
+    left, (slope, R_20) = (R - np.polyval(line, T - REFERENCE)) / errors, line
     covariance = covariance * max(1.0, float(left @ left) / max(1, T.size - 2))
-    by = np.array([-slope / R_20, 1.0]) / R_20  # derivatives of alpha
+    by = np.array([1.0, -slope / R_20]) / R_20  # derivatives of alpha
     alpha = Value(float(slope / R_20), float(np.sqrt(by @ covariance @ by)))
     return Coefficient(
         temperatures=T,
         resistances=R,
         errors=errors,
         alpha=alpha,
-        reference=Value(float(R_20), float(np.sqrt(covariance[0, 0]))),
+        reference=Value(float(R_20), float(np.sqrt(covariance[1, 1]))),
     )
 
 
@@ -124,16 +122,12 @@ def resistance(record: Record, flux: Flux) -> tuple[float, float]:
     charge, n = float(np.abs(charges.sum())), sum(i[at].size for at in inside)
     R = float(flux.resistances @ charges / charges.sum())
     factors = {"voltage": 1.0, "current": R}  # [V]
-    noises = [factor * _noise(getattr(record, name)) for name, factor in factors.items()]
+    noises = [factors[name] * max(noise(x), hidden(x)) for name, x in record.signals.items()]
     offsets = [factors[name] * offset.error for name, offset in record.offsets.items()]
     by_chance = float(np.hypot(np.sqrt(n) * np.linalg.norm(noises), n * np.linalg.norm(offsets)) / charge)
     count = charges.size
     by_spread = float(np.std(flux.resistances, ddof=1) / np.sqrt(count)) if count > 1 else 0.0
     return R, max(by_chance, by_spread, EXACT * R)
-
-
-def _noise(x: Vector) -> float:
-    return max(noise(x), hidden(x))
 
 
 def temperature_tables(records: Sequence[Record], resistance: float, found: Coefficient | None) -> list[Table | str]:

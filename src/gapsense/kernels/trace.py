@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from gapsense.kernels.layout import T, flatten, rebuild
+from gapsense.kernels.layout import NESTED, T, flatten, rebuild
 
 S = TypeVar("S", bound=Sequence[Any])
 BOOLEAN = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "not")
@@ -173,6 +173,13 @@ def _scalar(value: Any) -> Any:
 def is_traced(*values: Any) -> bool:
     """Whether any of the scalars is traced."""
     return Expr in map(type, values)
+
+
+def has_traced(value: Any) -> bool:
+    """Whether any scalar of a nested structure is traced; array memory, of many thousand numbers, is gone through in C."""
+    kinds = {*map(type, value)}
+    is_nested = any(issubclass(kind, NESTED) for kind in kinds)
+    return Expr in kinds or (is_nested and any(has_traced(item) for item in value if isinstance(item, NESTED)))
 
 
 def _tape(*values: Any) -> Tape:
@@ -350,10 +357,11 @@ def select(node: Expr, a: Any, b: Any) -> Any:
 
 def loop(limit: int, body: Callable[..., tuple[S, Any]], state: S) -> S:
     """Repeat `state, stop = body(*state)` until `stop`, `limit` times at most; a state has scalars, memory, records."""
+    is_known = has_traced(state)
     for done in range(limit):
-        new, stop = (state, False) if is_traced(*flatten(state)) else body(*state)
-        if is_traced(*(values := flatten((state, new, stop)))):
-            return _traced_loop(_tape(*values), limit - done, body, state)
+        new, stop = (state, False) if is_known else body(*state)
+        if is_known or has_traced((new, stop)):
+            return _traced_loop(_tape(*flatten((state, new, stop))), limit - done, body, state)
         state = new
         if stop:
             break

@@ -15,12 +15,11 @@ from gapsense._os.files import PART, write_atomically
 from gapsense._os.workers import Progress
 from gapsense.cosim.run.ahead import AUTO, VECTORS
 from gapsense.cosim.run.engines import refuse_unknown
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE as FILE
+from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
 from gapsense.many.ahead import runs_ahead
 from gapsense.many.execute import complete, processors
-from gapsense.many.key import sources
 from gapsense.many.prepare import Prepared, prepare, scenario_of
-from gapsense.many.provenance import provenance
+from gapsense.many.provenance import provenance, sources
 from gapsense.many.result import FORMAT, KEY, Campaign, is_older, older, read_campaign
 from gapsense.many.store import DAMAGED, ERRORS, LOCK, Store, alone
 from gapsense.problems import InputError, ScenarioError, required

@@ -23,7 +23,7 @@ from distributed.comm.registry import get_backend
 
 from gapsense._os.workers import LOOK, Answers, Entry, Pending
 from gapsense.many.site import Pack, Site, identity, perform
-from gapsense.many.task import Many
+from gapsense.many.worker import Many
 from gapsense.problems import InputError
 
 PATIENCE = 30.0  # seconds until there must be an answer, or a worker

@@ -14,12 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.events.event import unit_of_key
 from gapsense.cosim.fmu.descriptions import Descriptions
-from gapsense.cosim.result.metrics import unit_of
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.cosim.scenario.signals import matching, recorded_signals
+from gapsense.cosim.result.result import unit_of
+from gapsense.cosim.scenario.records import Port, Scenario, matching, recorded_signals, unit_of_key
 from gapsense.many.plan import Plan
 from gapsense.many.store import BITS, ERRORS, SIGNALS, WORDS
 from gapsense.tables import Value

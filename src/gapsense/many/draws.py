@@ -121,34 +121,16 @@ def leaves_above_0(own: Mapping[str, Any]) -> str:
 
 LIMITS = ("low", "high")
 DISTRIBUTIONS: Mapping[str, Distribution] = {
-    "uniform": Distribution(
-        needs=LIMITS, takes=(), quantile=uniform, problem=rising, what="Even density between `low` and `high`"
-    ),
-    "loguniform": Distribution(
-        needs=LIMITS, takes=(), quantile=loguniform, problem=rising_above_0, what="The same of the logarithm"
-    ),
-    "normal": Distribution(
-        needs=("mean", "std"),
-        takes=LIMITS,
-        quantile=normal,
-        problem=leaves,
-        what="Normal; with limits, only what lies inside",
-    ),
-    "lognormal": Distribution(
-        needs=("median", "sigma"),
-        takes=LIMITS,
-        quantile=lognormal,
-        problem=leaves_above_0,
-        what="Its logarithm is normal; limits as those of `normal`",
-    ),
-    "integer": Distribution(
-        needs=LIMITS,
-        takes=(),
-        quantile=integer,
-        problem=whole,
-        what="Whole numbers from `low` to `high`, each as often",
-    ),
-    "choice": Distribution(
-        needs=("values",), takes=(), quantile=choice, problem=lambda own: "", what="One of `values`, each as often"
-    ),
+    name: Distribution(*entry)
+    for name, entry in {
+        "uniform": (LIMITS, (), uniform, rising, "Even density between `low` and `high`"),
+        "loguniform": (LIMITS, (), loguniform, rising_above_0, "The same of the logarithm"),
+        "normal": (("mean", "std"), LIMITS, normal, leaves, "Normal; with limits, only what lies inside"),
+        "lognormal": (
+            *(("median", "sigma"), LIMITS, lognormal, leaves_above_0),
+            "Its logarithm is normal; limits as those of `normal`",
+        ),
+        "integer": (LIMITS, (), integer, whole, "Whole numbers from `low` to `high`, each as often"),
+        "choice": (("values",), (), choice, lambda own: "", "One of `values`, each as often"),
+    }.items()
 }

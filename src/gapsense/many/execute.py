@@ -11,10 +11,10 @@ import numpy as np
 from gapsense._os.workers import Entry, Executor, Local, Progress, work
 from gapsense.cosim.run.ahead import FMU, VECTORS
 from gapsense.cosim.run.engines import vectors_for
-from gapsense.cosim.run.subject import Subject
+from gapsense.cosim.run.recording import Subject
 from gapsense.many.columns import contents
 from gapsense.many.store import Store
-from gapsense.many.task import Many
+from gapsense.many.worker import Many
 
 
 class Done(NamedTuple):

@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-from gapsense.cosim.scenario.keys import always
+from gapsense.cosim.scenario.keys import SWEEP, always
 from gapsense.many.draws import DISTRIBUTIONS, METHODS
-from gapsense.parameters import is_file
 from gapsense.tables import COUNT, INDEX, LIST, NUMBER, POSITIVE, TABLE, TABLES, TEXT, TEXTS, Key, Section
 
 NOISES = ("own", "common")
 SPACINGS = ("linear", "log")
 PARAMETER = Key("parameter", TEXT, "Parameter or constant input `component.variable`", '"valve.damping"', required=True)
-GRID = Section(
-    "[grid]",
-    "Lists of values, every one with every other.",
-    free=Key(
-        "<component>.<parameter>",
-        LIST,
-        "Values of the parameter, each once",
-        '"valve.damping" = [0.2, 0.4, 0.8]',
-        is_dotted=True,
-        is_path=is_file,
-    ),
-)
+GRID = Section("[grid]", "Lists of values, every one with every other.", free=SWEEP.free)
 RANGE = Section(
     "[[ranges]]",
     "Values at even distances, every one with every other.",
@@ -32,6 +20,17 @@ RANGE = Section(
         Key("count", COUNT, "How many values", "8", required=True),
         Key("spacing", TEXT, "Even differences, or even ratios", '"log"', default=SPACINGS[0], choices=SPACINGS),
     ),
+)
+OF_MOST = (  # keys of distributions
+    ("low", NUMBER, "Lowest value", "40.0"),
+    ("high", NUMBER, "Highest value", "55.0"),
+    ("mean", NUMBER, "Mean, of `normal`", "48.0"),
+    ("std", POSITIVE, "Standard deviation, of `normal`", "1.5"),
+)
+OF_FEW = (  # and those that the example has not
+    ("median", POSITIVE, "Median, of `lognormal`", "0.4"),
+    ("sigma", POSITIVE, "Standard deviation of the natural logarithm, of `lognormal`", "0.2"),
+    ("values", LIST, "What `choice` chooses from, each as often", "[1, 2]"),
 )
 FACTOR = Section(
     "[[sample.factors]]",
@@ -44,29 +43,9 @@ FACTOR = Section(
             "What it is drawn from, see below",
             '"normal"',
             required=True,
-            choices=tuple(DISTRIBUTIONS),
+            choices=(*DISTRIBUTIONS,),
         ),
-        Key("low", NUMBER, "Lowest value", "40.0", otherwise="see below"),
-        Key("high", NUMBER, "Highest value", "55.0", otherwise="see below"),
-        Key("mean", NUMBER, "Mean, of `normal`", "48.0", otherwise="see below"),
-        Key("std", POSITIVE, "Standard deviation, of `normal`", "1.5", otherwise="see below"),
-        Key("median", POSITIVE, "Median, of `lognormal`", "0.4", otherwise="see below", is_other=True),
-        Key(
-            "sigma",
-            POSITIVE,
-            "Standard deviation of the natural logarithm, of `lognormal`",
-            "0.2",
-            otherwise="see below",
-            is_other=True,
-        ),
-        Key(
-            "values",
-            LIST,
-            "What `choice` chooses from, each as often",
-            "[1, 2]",
-            otherwise="see below",
-            is_other=True,
-        ),
+        *(Key(*key, otherwise="see below", is_other=key in OF_FEW) for key in (*OF_MOST, *OF_FEW)),
     ),
 )
 SAMPLE = Section(

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario, telling
+from gapsense.cosim.scenario.records import Port, Scenario, telling
 from gapsense.tables import Value
 
 FEW = 1000  # values of a block that are all looked at, and points
@@ -97,6 +96,10 @@ class Plan:
     def values(self, index: int) -> dict[Port, Value]:
         """Values of a run."""
         return self.point(index % self.points)
+
+    def named(self, index: int) -> dict[str, Value]:
+        """Values of a run by the names of the parameters."""
+        return {str(port): value for port, value in self.values(index).items()}
 
     def shift(self, index: int) -> int:
         """What a run adds to every seed."""

@@ -13,23 +13,17 @@ import numpy.typing as npt
 
 from gapsense._os.checked import fingerprint
 from gapsense._os.files import SHOWN
-from gapsense.cosim.check.record import unmatched
-from gapsense.cosim.check.scenario import check_scenario, read_descriptions
-from gapsense.cosim.check.values import taken
+from gapsense.cosim.check import check_scenario, find_fmus, read_descriptions, taken, unmatched
 from gapsense.cosim.fmu.descriptions import Descriptions
-from gapsense.cosim.prepare import find_fmus
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of
-from gapsense.cosim.scenario.document import scenario_file
 from gapsense.cosim.scenario.fingerprint import deciding, facts
-from gapsense.cosim.scenario.read import read_draft
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.cosim.scenario.signals import signals
+from gapsense.cosim.scenario.read import read_draft, scenario_file
+from gapsense.cosim.scenario.records import Scenario, signals
 from gapsense.many.columns import OWN, columns_of
 from gapsense.many.plan import Plan
 from gapsense.many.study import Study, read_study, scenario_beside
-from gapsense.many.task import Many
-from gapsense.many.worker import thrifty
+from gapsense.many.worker import Many, thrifty
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value, read_toml
 

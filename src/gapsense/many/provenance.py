@@ -1,17 +1,42 @@
-"""What the results of many runs tell of them beside the numbers: enough to understand and to repeat each run."""
+"""What decides the results of many runs, as a key, and what they tell beside the numbers, to repeat each run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from gapsense._os.checked import fingerprint
+from gapsense._os.files import sha256
 from gapsense.cosim.result.sidecar import relative
-from gapsense.cosim.run.subject import versions
+from gapsense.cosim.run.recording import versions
 from gapsense.cosim.scenario.records import Scenario
+from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE, SCENARIOS
 
 EVENTS = "events."  # before the name of a key of an event, where others have the name of their component
+SOURCES = (".py", ".c", ".h", ".csv")
+
+
+def key(facts: Any) -> str:
+    """Hash of all that decides results: facts (of JSON), our sources, the version of numpy."""
+    return fingerprint([facts, sources(), np.__version__])
+
+
+def sources() -> dict[str, str]:
+    """Hash of every source file of this package, of the port tables, whose start values studies take, and of studies.
+
+    Taken anew each time, since it may be edited while a program runs. A checkout and what is installed from it agree.
+    """
+    return {**hashes(PACKAGE, but=INSTALLED), **hashes(COMPONENTS), **hashes(SCENARIOS, (".py",))}
+
+
+def hashes(folder: Path, endings: Collection[str] = SOURCES, but: Path | None = None) -> dict[str, str]:
+    """Hash of every source file below a folder, by its path from there on, `but` those of a folder inside."""
+    files = sorted(p for p in folder.rglob("*") if p.suffix in endings and not (but and p.is_relative_to(but)))
+    return {path.relative_to(folder.parent).as_posix(): sha256(path) for path in files}
 
 
 def provenance(scenario: Scenario, folder: Path) -> dict[str, Any]:

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from gapsense._os.files import header, naming, prepared, rename
-from gapsense.cosim.scenario.kinds import CAMPAIGN, other_kind
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE as FILE
+from gapsense.cosim.scenario.read import CAMPAIGN, other_kind
+from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
 from gapsense.cosim.show import frame
 from gapsense.many.columns import ENDED, ERROR, Columns, Vector, from_facts
 from gapsense.many.store import ERRORS, SIGNALS, WORDS, Store
@@ -88,9 +88,9 @@ class Campaign:
     @cached_property
     def records_in_memory(self) -> Vector:
         """Numbers of all runs."""
-        found, count = np.empty(self.rows, self.columns.record), 0
+        found, count, plain = np.empty(self.rows, self.columns.record), 0, f"V{self.columns.record.itemsize}"
         for data in self.read():
-            found[count : count + data.size] = data
+            found.view(plain)[count : count + data.size] = data.view(plain)  # whole rows, not field by field
             count += data.size
         return found
 
@@ -129,7 +129,7 @@ class Campaign:
 
     def errors(self, most: int) -> list[tuple[int, str]]:
         """The first runs that failed, and why."""
-        return list(self.store.texts(ERRORS, most))
+        return list(self.texts(ERROR).items())[:most]
 
     def ended(self, most: int) -> list[tuple[int, str]]:
         """The first runs that a component has ended in an orderly way, and which."""
@@ -138,8 +138,8 @@ class Campaign:
     def texts(self, name: str) -> dict[int, str]:
         """Runs that have a text in a column, and the text."""
         if name == ERROR:
-            return dict(self.store.texts(ERRORS))
-        return {run: words[name] for run, words in self.store.texts(WORDS) if name in words}
+            return self.store.texts(ERRORS)
+        return {run: words[name] for run, words in self.store.texts(WORDS).items() if name in words}
 
     def trajectory(self, run: int) -> Mapping[str, Vector]:
         """Time [s] and the kept signals of a run; an InputError if there are none."""

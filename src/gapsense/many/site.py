@@ -15,9 +15,9 @@ from distributed import WorkerPlugin, get_worker
 
 from gapsense._os.locks import temporary_folder
 from gapsense._os.workers import LOOK, Entry, Job, Server
-from gapsense.cosim.scenario.elements import Component
-from gapsense.many.key import key
-from gapsense.many.task import Many
+from gapsense.cosim.scenario.records import Component
+from gapsense.many.provenance import key
+from gapsense.many.worker import Many
 from gapsense.parameters import is_file
 from gapsense.tables import Value
 from gapsense.version import __version__

@@ -15,6 +15,8 @@ import sqlite3
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
+from itertools import chain
+from math import isqrt
 from pathlib import Path
 from struct import Struct
 from time import sleep
@@ -34,7 +36,7 @@ DAMAGED = "_damaged-"  # before the name of a file that is put aside
 AGAIN = "Run it again: what is damaged is computed anew, and the rest is kept"
 PAUSE = 0.1  # seconds between two looks whether a file is free
 PATIENCE = 60.0  # seconds that a reader waits for a writer where there is no write-ahead log
-GROUP = 2**12  # rows that are in memory at once
+GROUP = 31**2  # rows that are in memory at once, the square of an odd number for `are_whole`
 PAGE = 4096  # bytes
 LOG_HEAD, FRAME_HEAD = 32, 24  # bytes of the write-ahead log: at its begin, and before each page
 BITS = 48  # of the number of a run, behind that of its key
@@ -43,6 +45,7 @@ MOUNTS = Path("/proc/self/mounts")
 OF_DAMAGE = ("malformed", "unsupported", "no such table", "no such column", "not a database", "Could not decode")
 UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter for names, and for messages with these
 ABOUT, COPY, RUNS, ERRORS, WORDS, SIGNALS = TABLES = ("about", "about_copy", "runs", "errors", "words", "signals")
+MADE = [f"CREATE TABLE {name} (id INTEGER PRIMARY KEY, content BLOB)" for name in TABLES]
 MORE = (ERRORS, WORDS, SIGNALS)  # what a run may have besides
 HEAD = Struct("<qB")  # of a content: its place, and one bit for each table in which the run has more
 RESIDUE = 0x2144DF1C  # the CRC-32 of all that ends with its own
@@ -78,15 +81,11 @@ class Store:
 
     def entries(self) -> dict[int, tuple[str, Any]]:
         """Key and facts of each number; there are two copies."""
-        found: dict[int, tuple[str, Any]] = {}
-        for name in (ABOUT, COPY):
-            rows = [row for rows in self.selected(f"SELECT id, content FROM {name}", ()) for row in rows]
-            if damaged_of(rows):
-                LOG.warning("%s: what it says about its runs is damaged; a copy is taken. %s.", self.file, AGAIN)
-            for place, content in rows:
-                if not damaged_of([(place, content)]):
-                    found.setdefault(place, json.loads(payload(content)))
-        return found
+        query = " UNION ALL ".join(f"SELECT id, content, whole(id, content) FROM {name}" for name in (ABOUT, COPY))
+        rows = [row for rows in self.selected(query) for row in rows]
+        if not all(is_good for *_, is_good in rows):
+            LOG.warning("%s: what it says about its runs is damaged; a copy is taken. %s.", self.file, AGAIN)
+        return {place: json.loads(payload(content)) for place, content, is_good in rows if is_good}
 
     @property
     def about(self) -> dict[str, Any] | None:
@@ -144,14 +143,12 @@ class Store:
 
     def runs(self, table: str = RUNS, below: int = 2**BITS) -> npt.NDArray[np.int64]:
         """Numbers of the runs in a table, in order."""
-        low, query = self.place(0), f"SELECT id FROM {table} WHERE id >= ? AND id < ? ORDER BY id"
-        found = [np.array(rows)[:, 0] - low for rows in self.selected(query, (low, low + below))]
+        found = [np.array(rows)[:, 0] - self.place(0) for rows in self.of_key("id", table, "ORDER BY id", below)]
         return np.concatenate([np.empty(0, dtype=np.int64), *found])
 
     def count(self, table: str = RUNS) -> int:
         """How many runs there are in a table."""
-        query = f"SELECT count(*) FROM {table} WHERE id >= ? AND id < ?"
-        ((count,),) = next(self.selected(query, (self.place(0), self.place(2**BITS))))
+        ((count,),) = next(self.of_key("count(*)", table))
         return int(count)
 
     def forget(self, runs: Iterable[int]) -> None:
@@ -162,33 +159,32 @@ class Store:
 
     def contents(self, table: str = RUNS) -> Iterator[list[bytes]]:
         """Contents of a table in the order of the runs, some at a time, with heads and checksums."""
-        query = f"SELECT content FROM {table} WHERE id >= ? AND id < ? ORDER BY id"
-        for rows in self.selected(query, (self.place(0), self.place(2**BITS))):
-            found = [content for (content,) in rows]
+        for rows in self.of_key("content", table, "ORDER BY id"):
+            found = [*chain.from_iterable(rows)]
             if not are_whole(found):
-                query = f"SELECT id, content FROM {table} WHERE id >= ? AND id < ?"
-                all_rows = self.selected(query, (self.place(0), self.place(2**BITS)))
-                damaged = [place for group in all_rows for place in damaged_of(group)]
-                raise InputError([f"{self.file}: {of_runs(damaged)} damaged. {AGAIN}."])
+                groups = self.of_key("id", table, "AND NOT whole(id, content) ORDER BY id")
+                raise InputError([f"{self.file}: {of_runs([*chain.from_iterable(chain(*groups))])} damaged. {AGAIN}."])
             yield found
 
     def content(self, table: str, run: int) -> bytes | None:
         """Content of one run in a table, None if there is none."""
-        found = next(self.selected(f"SELECT id, content FROM {table} WHERE id = ?", (self.place(run),)), [])
-        if damaged_of(found):
+        found = next(self.selected(f"SELECT id, content FROM {table} WHERE id = ?", self.place(run)), [])
+        if not all(is_whole(*row) for row in found):
             raise InputError([f"{self.file}: {table} of run {run} are damaged. {AGAIN}."])
         return payload(found[0][1]) if found else None
 
-    def texts(self, table: str, most: int = 2**BITS) -> Iterator[tuple[int, Any]]:
-        """The first runs in a table of JSON, and what they have there."""
-        for contents in self.contents(table):
-            for content in contents[:most]:
-                yield HEAD.unpack_from(content)[0] - self.place(0), json.loads(payload(content))
-            most -= len(contents)
-            if most <= 0:
-                return
+    def texts(self, table: str, below: int = 2**BITS) -> dict[int, Any]:
+        """What runs have in a table of JSON, by run."""
+        found = chain.from_iterable(self.contents(table))
+        texts = {HEAD.unpack_from(content)[0] - self.place(0): json.loads(payload(content)) for content in found}
+        return {run: text for run, text in texts.items() if run < below}
 
-    def selected(self, query: str, values: tuple[int, ...]) -> Iterator[list[Any]]:
+    def of_key(self, what: str, table: str, more: str = "", below: int = 2**BITS) -> Iterator[list[Any]]:
+        """Rows of the runs under this key, some at a time."""
+        query = f"SELECT {what} FROM {table} WHERE id >= ? AND id < ? {more}"
+        return self.selected(query, self.place(0), self.place(below))
+
+    def selected(self, query: str, *values: int) -> Iterator[list[Any]]:
         """Rows of a query, some at a time."""
         try:
             with told(self.file):
@@ -214,16 +210,24 @@ def payload(content: bytes) -> bytes:
 
 
 def are_whole(contents: Sequence[Any]) -> bool:
-    """Whether contents are as they were written."""
+    """Whether contents are as they were written.
+
+    A CRC is linear: the exclusive or of an odd number of whole contents of one length is whole.  So those of a square
+    are looked at row by row and column by column; the same damage of two of them shows in one or the other.
+    """
     try:
-        return {*map(crc32, contents)} <= {RESIDUE}
+        side, (length, *others) = isqrt(len(contents)), {*map(len, contents)}
+        if side % 2 and side**2 == len(contents) and not others:
+            square = np.frombuffer(b"".join(contents), "u1").reshape(side, side, length)
+            contents = [*np.bitwise_xor.reduce(square, 0), *np.bitwise_xor.reduce(square, 1)]
+        return {*map(crc32, contents)} == {RESIDUE}
     except TypeError:  # damage has made something else of one
         return False
 
 
-def damaged_of(rows: Iterable[tuple[int, Any]]) -> list[int]:
-    """Places whose content is damaged, or another one's."""
-    return [place for place, own in rows if not are_whole([own]) or HEAD.unpack_from(own)[0] != place]
+def is_whole(place: int, content: Any) -> bool:
+    """Whether a content is as it was written, and at its place; SQL knows it as `whole`."""
+    return isinstance(content, bytes) and crc32(content) == RESIDUE and HEAD.unpack_from(content)[0] == place
 
 
 def of_runs(places: Sequence[int]) -> str:
@@ -236,7 +240,13 @@ def of_runs(places: Sequence[int]) -> str:
 def connect(file: Path, mode: str = "rwc") -> sqlite3.Connection:
     """Connection to a file, in which transactions are begun by hand."""
     uri = f"{file.resolve().as_uri()}?mode={mode}"
-    return sqlite3.connect(uri, uri=True, isolation_level=None, timeout=PATIENCE)
+    return knowing(sqlite3.connect(uri, uri=True, isolation_level=None, timeout=PATIENCE))
+
+
+def knowing(connection: sqlite3.Connection) -> sqlite3.Connection:
+    """A connection that knows `whole`."""
+    connection.create_function("whole", 2, is_whole, deterministic=True)
+    return connection
 
 
 def reading(file: Path) -> sqlite3.Connection:
@@ -254,7 +264,7 @@ def reading(file: Path) -> sqlite3.Connection:
 def writing(file: Path | None) -> sqlite3.Connection:
     """The file, made if need be; what is damaged in it is told and forgotten."""
     if file is None:
-        return prepared(sqlite3.connect(":memory:", isolation_level=None))
+        return prepared(knowing(sqlite3.connect(":memory:", isolation_level=None)))
     file.parent.mkdir(parents=True, exist_ok=True)
     commits = logged(file)
     try:
@@ -278,8 +288,8 @@ def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.execute("PRAGMA synchronous = FULL")
     if not connection.execute("SELECT 1 FROM sqlite_master").fetchone():
         connection.execute("BEGIN IMMEDIATE")
-        for name in TABLES:
-            connection.execute(f"CREATE TABLE {name} (id INTEGER PRIMARY KEY, content BLOB)")
+        for sql in MADE:
+            connection.execute(sql)
         connection.execute("COMMIT")
     return connection
 
@@ -305,8 +315,8 @@ def is_remote(file: Path) -> bool:
 def wrong(connection: sqlite3.Connection) -> str:
     """What is wrong with the structure of a file, or nothing."""
     (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master")}
-    return " ".join(str(found).split()) if found != "ok" else "" if tables == {*TABLES} else "tables are missing"
+    tables = [sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master")]
+    return " ".join(str(found).split()) if found != "ok" else "" if tables == MADE else "its tables are not ours"
 
 
 def logged(file: Path) -> int:
@@ -321,35 +331,26 @@ def logged(file: Path) -> int:
 
 
 def forget_damaged(connection: sqlite3.Connection, file: Path) -> None:
-    """Tell and remove runs of which something is damaged or gone."""
-    for name in TABLES:
-        cursor, damaged = connection.execute(f"SELECT id, content FROM {name} ORDER BY id"), list[int]()
-        while rows := cursor.fetchmany(GROUP):
-            found = damaged_of(rows)
-            damaged += found or (incomplete(connection, rows) if name == RUNS else [])
-        if damaged and name in (ABOUT, COPY):
-            restore(connection, COPY if name == ABOUT else ABOUT, name)
+    """Tell and remove runs of which something is damaged or gone; of what is said about them take the good copy."""
+    damaged = [place for (place,) in connection.execute(f"{' UNION '.join(DAMAGED_RUNS)} ORDER BY 1")]
+    if damaged:
+        LOG.warning("%s: %s damaged, and computed again.", file, of_runs(damaged))
+        remove(connection, damaged)
+    for name, other in ((ABOUT, COPY), (COPY, ABOUT)):
+        if connection.execute(f"SELECT 1 FROM {name} WHERE NOT whole(id, content)").fetchone():
             LOG.warning("%s: what it says about its runs is damaged; its copy is taken.", file)
-        elif damaged:
-            LOG.warning("%s: %s damaged, and computed again.", file, of_runs(damaged))
-            remove(connection, damaged)
+            connection.execute(f"DELETE FROM {name} WHERE NOT whole(id, content)")
+        connection.execute(f"INSERT OR IGNORE INTO {name} SELECT * FROM {other} WHERE whole(id, content)")
 
 
-def incomplete(connection: sqlite3.Connection, rows: Sequence[tuple[int, bytes]]) -> list[int]:
-    """Places of runs that should have more in other tables."""
-    found = list[int]()
-    for k, name in enumerate(MORE):
-        needed = {place for place, content in rows if content[8] >> k & 1}
-        there = connection.execute(f"SELECT id FROM {name} WHERE id BETWEEN ? AND ?", (rows[0][0], rows[-1][0]))
-        found += needed.difference(place for (place,) in (there if needed else ()))
-    return sorted({*found})
-
-
-def restore(connection: sqlite3.Connection, source: str, target: str) -> None:
-    """Take what is good of one copy for the other."""
-    connection.execute(f"DELETE FROM {target}")
-    rows = [row for row in connection.execute(f"SELECT id, content FROM {source}") if not damaged_of([row])]
-    connection.executemany(f"INSERT INTO {target} VALUES (?, ?)", rows)
+DAMAGED_RUNS = [
+    *(f"SELECT id FROM {name} WHERE NOT whole(id, content)" for name in (RUNS, *MORE)),
+    *(  # that should have more in another table
+        f"SELECT id FROM {RUNS} WHERE substr(content, 9, 1) IN ({bits}) AND id NOT IN (SELECT id FROM {name})"
+        for k, name in enumerate(MORE)
+        for bits in [", ".join(f"x'{byte:02x}'" for byte in range(2 ** len(MORE)) if byte >> k & 1)]
+    ),
+]
 
 
 def remove(connection: sqlite3.Connection, places: Sequence[int]) -> None:
@@ -378,8 +379,6 @@ def rebuild(file: Path, problem: str) -> None:
             old.with_name(old.name + ending).unlink(missing_ok=True)
     new.replace(file)
     with closing(connect(file)) as fresh:
-        for name, other in ((ABOUT, COPY), (COPY, ABOUT)):
-            fresh.execute(f"INSERT OR IGNORE INTO {name} SELECT * FROM {other}")
         forget_damaged(fresh, file)
     words = "%s: it is damaged (%s), and kept as %s. It held %d runs that can be read; others are computed again."
     LOG.warning(words, file, problem, aside.name, count)
@@ -389,9 +388,7 @@ def readable(file: Path, table: str) -> Iterator[tuple[int, bytes]]:
     """Rows of a table that are good: from both ends until something cannot be read."""
     for order in ("ASC", "DESC"):
         with closing(connect(file)) as connection, suppress(*UNREADABLE):
-            for row in connection.execute(f"SELECT id, content FROM {table} ORDER BY id {order}"):
-                if not damaged_of([row]):
-                    yield row
+            yield from connection.execute(f"SELECT * FROM {table} WHERE whole(id, content) ORDER BY id {order}")
 
 
 def graft(file: Path, new: Path) -> None:

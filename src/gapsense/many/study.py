@@ -9,12 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.events.event import SECTION
-from gapsense.cosim.scenario.document import scenario_file
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.kinds import STUDY, other_kind
-from gapsense.cosim.scenario.read_sections import by_port, read_rows, split
-from gapsense.cosim.scenario.records import MOST_RUNS, RowsColumn, product
+from gapsense.cosim.scenario.read import STUDY, by_port, other_kind, read_rows, scenario_file, split
+from gapsense.cosim.scenario.records import MOST_RUNS, SECTION, Port, RowsColumn, product
 from gapsense.many.draws import DISTRIBUTIONS, points
 from gapsense.many.keys import FACTOR, RANGE, SAMPLE, TRAJECTORIES
 from gapsense.many.keys import STUDY as STUDY_KEYS

@@ -7,40 +7,86 @@ seeds leave the runs that are there as they are.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from gapsense._os.checked import SEAL, is_sealed, sealed
+from gapsense._os.files import (
+    Columns,
+    prepared,
+    read_json,
+    refuse_unwritable,
+    rename,
+    sha256,
+    write_columns,
+    write_json,
+)
 from gapsense._os.importable import facts
-from gapsense._os.plain_files import refuse_unwritable
 from gapsense._os.workers import Progress
+from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.prepare import prepare
 from gapsense.cosim.result.result import Measure
 from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
-from gapsense.cosim.run.ahead import AUTO
+from gapsense.cosim.run.ahead import AUTO, FMU
 from gapsense.cosim.run.engines import folder_of, refuse_unknown
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.document import OVER, Document, Source, scenario_file
+from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
+from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
+from gapsense.cosim.show import frame, sweep_html
 from gapsense.many.ahead import runs_ahead
-from gapsense.many.columns import ENDED, columns_of
+from gapsense.many.columns import ENDED, columns_of, kind
 from gapsense.many.execute import Done, complete
-from gapsense.many.key import key
 from gapsense.many.plan import Plan
-from gapsense.many.provenance import provenance
+from gapsense.many.provenance import key, provenance
 from gapsense.many.store import ERRORS, SUFFIX, WORDS, Store, alone
-from gapsense.many.sweep_table import Sweep, values
-from gapsense.many.sweep_table import save as save_table
-from gapsense.many.task import Many
-from gapsense.many.worker import kept, thrifty
-from gapsense.problems import ScenarioError
+from gapsense.many.worker import Many, kept, thrifty
+from gapsense.problems import InputError, ScenarioError
+from gapsense.tables import Value
 
 LOG = logging.getLogger(__name__)
+FORMAT = "gapsense sweep 1"
+NEEDED = {SEAL, "sha256", "title", "scenario", "runs", "versions", "factors", "metrics", "failed"}
+AGAIN = "Sweep again"
+
+
+@dataclass(frozen=True, repr=False)
+class Sweep:
+    """Metrics over the runs of a sweep."""
+
+    indices: tuple[int, ...]  # of the runs that succeeded
+    metrics: Mapping[str, npt.NDArray[np.float64]]  # one value for each of `indices`; NaN where there were no samples
+    errors: Mapping[int, str]  # what went wrong in the runs that failed
+    computed: int  # runs done now; the others were known already
+    interrupted: bool  # by Ctrl-C; start it again to go on
+    file: Path | None  # the store of the runs, if a folder was given
+    units: Mapping[str, str] = field(default_factory=dict)  # of the metrics and of the grid
+    grid: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)  # `[sweep]`: a value for each of `indices`
+    ended: Mapping[int, str] = field(default_factory=dict)  # runs that components ended in an orderly way
+    kept: tuple[Path, ...] = ()  # signals recorded at each of `indices`, for `read_result`, if they were kept
+    engine: str = FMU  # that did the runs that were computed now: `fmu` or `vectors`
+
+    def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
+        """Quantiles of each metric over the runs, by default the median within the 5-95 % range."""
+        return {name: tuple(np.quantile(values, levels).tolist()) for name, values in self.metrics.items()}
+
+    def to_pandas(self) -> Any:
+        """Values of the grid and metrics as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
+        return frame({**self.grid, **self.metrics}, "run", self.indices, self.units)
+
+    def __repr__(self) -> str:
+        failed = f", {len(self.errors)} failed" if self.errors else ""
+        state = ", interrupted" if self.interrupted else ""
+        return f"<Sweep: {len(self.indices)} runs{failed}{state}, {len(self.metrics)} metrics>"
+
+    def _repr_html_(self) -> str:
+        return sweep_html(repr(self), self.quantiles() if self.indices else {}, self.units)
 
 
 def sweep(
@@ -111,7 +157,7 @@ def sweep(
     if file is not None and not done.interrupted:
         changes = dict(scenario.changes) if isinstance(scenario, Document) else {}
         about = {**provenance(read, file.parent), **of_sweep(Subject(read, descriptions), plan, own)}
-        save_table(result, {**about, "settings": changes, "engine": done.engine}, plan, file.with_suffix(".csv"))
+        save(result, {**about, "settings": changes, "engine": done.engine}, plan, file.with_suffix(".csv"))
     return result
 
 
@@ -190,8 +236,7 @@ def unusable(store: Store, many: Many) -> Iterator[int]:
 def collect(many: Many, store: Store, done: Done) -> Sweep:
     """The sweep as it is in its store, in the order of the runs."""
     columns, plan = many.columns, many.plan
-    errors = {run: error for run, error in store.texts(ERRORS) if run < len(plan)}
-    words = {run: own for run, own in store.texts(WORDS) if run < len(plan)}
+    errors, words = store.texts(ERRORS, len(plan)), store.texts(WORDS, len(plan))
     data = np.concatenate(
         [np.empty(0, columns.record), *(np.frombuffer(b"".join(found), columns.record) for found in store.contents())]
     )
@@ -204,7 +249,7 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
         name: np.array([words.get(run, {}).get("metrics", {}).get(name) for run in indices], dtype=np.float64)
         for name in further
     }
-    points = [values(plan, run) for run in indices]
+    points = [plan.named(run) for run in indices]
     return Sweep(
         indices=indices,
         metrics=found if indices else {},
@@ -218,3 +263,61 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
         kept=() if many.folder is None else tuple(kept(many.folder, run) for run in indices),
         engine=done.engine,
     )
+
+
+# Its table as a CSV file, and a JSON file beside it that says of what it is and what failed.
+
+
+def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:
+    """Write both files; `plan` is what the sweep goes through."""
+    table, failed = columns(result), {run: plan.named(run) for run in result.errors}
+    with prepared(path, lambda file: write_columns(file, table, result.units)) as part:
+        content = sealed({**about, **sidecar(result, failed), "sha256": sha256(part)})
+        with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
+            rename(part, path)
+            rename(beside, path.with_suffix(".json"))
+
+
+def columns(result: Sweep) -> Columns:
+    """One row per run: its number, the parameters of the grid, the metrics."""
+    grid = {name: np.array(column, dtype=object) for name, column in result.grid.items()}
+    return {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+
+
+def sidecar(result: Sweep, failed: Mapping[int, Mapping[str, Value]]) -> dict[str, Any]:
+    """What is told of the columns of the table, and of the runs that are not in it, as JSON takes it."""
+    units = result.units
+    given = {name: [*column, *(own[name] for own in failed.values())] for name, column in result.grid.items()}
+    return {
+        "format": FORMAT,
+        "factors": {name: [kind(column), units.get(name, "")] for name, column in given.items()},
+        "metrics": {name: units.get(name, "") for name in result.metrics},
+        "failed": [{"run": index, "values": failed[index], "error": error} for index, error in result.errors.items()],
+    }
+
+
+def is_table(path: Path) -> bool:
+    """True for the CSV of a sweep, by what is beside it; also for one of an older version, by its name."""
+    data = beside(path)
+    return path.suffix == ".csv" and (data.get("format") == FORMAT if data else path.stem.endswith("_sweep"))
+
+
+def read_sidecar(path: Path) -> dict[str, Any]:
+    """What is told beside the table `path`; an InputError if the two do not fit."""
+    data = beside(path)
+    if not {*data} >= NEEDED:
+        raise InputError([f"{path}: `{path.stem}.json` beside it is missing, or incomplete. {AGAIN}."])
+    if not is_sealed(data):
+        raise InputError([f"{path}: `{path.stem}.json` beside it is damaged, or was edited. {AGAIN}."])
+    if sha256(path) != data.get("sha256"):
+        raise InputError([f"{path}: it is not the table that `{path.stem}.json` was written with. {AGAIN}."])
+    return data
+
+
+def beside(path: Path) -> dict[str, Any]:
+    """Content of the JSON file beside a table; nothing if there is none that can be read."""
+    try:
+        data = read_json(path.with_suffix(".json"))
+    except (OSError, ValueError):
+        return {}
+    return data if isinstance(data, dict) else {}

@@ -1,4 +1,4 @@
-"""Many runs of a scenario, as one of the worker processes does them."""
+"""Many runs of a scenario: what workers need to know of them, here or on a cluster, and how one of them does them."""
 
 from __future__ import annotations
 
@@ -6,23 +6,26 @@ import atexit
 import math
 import pickle
 from base64 import b64decode, b64encode
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gapsense._os.importable import imported
-from gapsense._os.processes import own_marks
-from gapsense.cosim.result.result import Result
-from gapsense.cosim.run.failure import FmuError
+from gapsense._os.importable import importable_name, imported
+from gapsense._os.processes import Died, Marks, own_marks
+from gapsense._os.workers import Job
+from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.result.result import Measure, Result
+from gapsense.cosim.run.apart import limit_of
 from gapsense.cosim.run.master import Master
+from gapsense.cosim.run.recording import death, versions
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.run.subject import versions
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.cosim.scenario.signals import matching
+from gapsense.cosim.scenario.records import Port, Scenario, execution_order, matching
+from gapsense.many.columns import ERROR, Columns
+from gapsense.many.plan import Plan
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 
@@ -77,6 +80,57 @@ class Runs:
         if self.master:
             self.master.close()
         self.master = None
+
+
+@dataclass(frozen=True)
+class Many:
+    """Runs of a scenario over a plan, and what is kept of each."""
+
+    scenario: Scenario
+    descriptions: Descriptions
+    plan: Plan
+    columns: Columns
+    signals: tuple[str, ...] = ()  # patterns of the trajectories that are kept
+    decimation: int = 1  # of their rows
+    measure: Measure | None = None  # further metrics
+    folder: Path | None = None  # for a CSV file of each run
+    files: tuple[Path, ...] = ()  # that the plan's values name
+    tries: int = 1  # of a run whose process dies
+
+    def request(self, index: int) -> dict[str, Any]:
+        """What a worker is asked for a run, of JSON."""
+        return {"index": index, "shift": self.plan.shift(index), "values": self.plan.named(index)}
+
+    def job(self, workers: int = 1) -> Job:
+        """What processes do, on whatever machine."""
+        task = {
+            "pickled": b64encode(pickle.dumps((self.scenario, self.descriptions))).decode(),
+            "measure": self.measure and importable_name(self.measure),
+            "keep": self.folder and str(self.folder.resolve()),
+            "signals": list(self.signals),
+            "decimation": self.decimation,
+        }
+        return Job(
+            prepare=Runs,
+            task=task,
+            workers=workers,
+            guest=self.measure,
+            on_worker_death=death_entry(self.scenario, self.descriptions),
+            limit=limit_of(self.scenario),
+            request=self.request,
+            tries=self.tries,
+        )
+
+
+def death_entry(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, Marks], Mapping[str, Any]]:
+    """Function that makes an entry of a run that has ended its process, with the last that this wrote."""
+    order = execution_order(list(scenario.components), scenario.connections, descriptions).names
+
+    def entry(died: Died, marks: Marks) -> Mapping[str, Any]:
+        last, error = died.words.rpartition("\n")[2], str(death(scenario, order, died, marks))
+        return {ERROR: f"{error} It wrote: {last}" if last and "exit code" in died.cause else error}
+
+    return entry
 
 
 def kept(folder: Path, index: int) -> Path:

@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.table import Table
 
+from gapsense.many import summary as of
+from gapsense.many.result import Campaign
+from gapsense.many.summary import Cloud
 from gapsense.problems import InputError, suggest
+from gapsense.report.distributions import Bars, Distributions, Points
 from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from gapsense.many.result import Campaign
-    from gapsense.many.summary import Cloud
-    from gapsense.report.distributions import Bars
 
 SHOWN = 5  # failures
 PANELS = 4  # metrics and parameters of a figure, unless they are chosen
@@ -35,8 +36,6 @@ def summary(campaign: Campaign) -> list[Table | str]:
 
 def factors(campaign: Campaign) -> list[Table]:
     """What was varied."""
-    from gapsense.many import summary as of
-
     if not campaign.factors or not campaign.rows:
         return []
     made, numeric = table("Varied", ("parameter", "least", "median", "greatest")), of.numeric(campaign)
@@ -53,8 +52,6 @@ def factors(campaign: Campaign) -> list[Table]:
 
 def metrics(campaign: Campaign) -> list[Table]:
     """Quantiles of each metric, and the parameter that it goes with."""
-    from gapsense.many import summary as of
-
     made: dict[str, Table] = {}
     leading = of.leading(campaign)
     for name, (title, label) in campaign.about["labels"].items() if campaign.rows else ():
@@ -83,15 +80,15 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     -------
     Figure
     """
-    from gapsense.many.summary import levels
     from gapsense.report import plot
-    from gapsense.report.distributions import Bars, Distributions, Points
 
     metrics = chosen(metrics, campaign.metrics, "metric")
     factors = chosen(factors, campaign.factors, "parameter")
     if not metrics or not campaign.rows:
         raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
-    found = Distributions(campaign, dict.fromkeys(metrics, factors), {name: levels(campaign, name) for name in factors})
+    found = Distributions(
+        campaign, dict.fromkeys(metrics, factors), {name: of.levels(campaign, name) for name in factors}
+    )
     words = f"{campaign.rows} runs{'; dark where many lie' if found.is_counted else ''}"
     title, size = f"{campaign.about['title']}: {words}", (len(metrics), 1 + len(factors))
     made, axes = plot.panels(title, *size, (1.0 + 2.0 * size[1], 0.9 + 2.0 * size[0]), sharey="row")
@@ -140,7 +137,6 @@ def bars(axis: Any, found: Bars) -> None:
 
 def density(axis: Any, cloud: Cloud) -> None:
     """Counts in colours, logarithmic; where no run lies there is none."""
-    import numpy as np
     from matplotlib.colors import LogNorm
 
     counts = np.where(cloud.counts > 0.0, cloud.counts, np.nan).T

@@ -16,10 +16,9 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.figure import Figure
 
-from gapsense._os.files import write_atomically
-from gapsense._os.plain_files import read_bytes, refuse_unwritable
+from gapsense._os.files import read_bytes, refuse_unwritable, write_atomically
 from gapsense.cosim.result.sidecar import ELSEWHERE, own_file, refuse_other, relative
-from gapsense.cosim.scenario.signals import matching
+from gapsense.cosim.scenario.records import matching
 from gapsense.problems import InputError, suggest
 from gapsense.report.table import prefixed
 from gapsense.units import QUANTITIES, UNITS

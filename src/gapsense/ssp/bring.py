@@ -9,11 +9,10 @@ from typing import Any
 from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
-from gapsense.cosim.check.scenario import described
+from gapsense.cosim.check import check, described
 from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.prepare import check
-from gapsense.cosim.scenario.document import Document
+from gapsense.cosim.scenario.read import Document
 from gapsense.cosim.scenario.write import write_document
 from gapsense.parameters import is_file
 from gapsense.problems import InputError
@@ -23,7 +22,7 @@ from gapsense.ssp.scenario import Maker, Told, Wiring, plain_names
 from gapsense.ssp.structure import Element, read_element
 from gapsense.ssp.units import Units, read_units, together, units_of
 from gapsense.ssp.values import Reader
-from gapsense.ssp.words import DESCRIPTION, tag
+from gapsense.ssp.words import DESCRIPTION, numbered, tag
 
 FMUS, FILES = "fmus", "files"  # folders beside the scenario
 
@@ -156,9 +155,8 @@ def take_fmus(
 
 def fresh(name: str, taken: set[str]) -> str:
     """A file name that none of the others has, whatever the case of its letters."""
-    others, stem, ending = {other.lower() for other in taken}, PurePosixPath(name).stem, PurePosixPath(name).suffix
-    tries = (f"{stem}{f'_{k}' if k else ''}{ending}" for k in range(len(taken) + 1))
-    return next(name for name in tries if name.lower() not in others)
+    others, path = {other.lower() for other in taken}, PurePosixPath(name)
+    return next(name for name in numbered(path.stem, path.suffix) if name.lower() not in others)
 
 
 def described_all(

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from gapsense.cosim.scenario.document import Document
-from gapsense.cosim.scenario.elements import Component
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.read import Document
+from gapsense.cosim.scenario.records import Component, Scenario
 from gapsense.problems import listing
 
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events")  # as the file has them

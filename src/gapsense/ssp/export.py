@@ -6,22 +6,23 @@ import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
+from xml.etree.ElementTree import Element, SubElement, register_namespace
 
 from gapsense._os.files import write_atomically
+from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description, Variable
-from gapsense.cosim.prepare import prepare
-from gapsense.cosim.scenario.document import Document, Source, read_document
-from gapsense.cosim.scenario.elements import Connection, Port
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.read import Document, Source, read_document
+from gapsense.cosim.scenario.records import Connection, Port, Scenario
+from gapsense.fmi.describe import text
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, ScenarioError, listing
 from gapsense.ssp import carried
 from gapsense.ssp.package import violations
 from gapsense.ssp.units import EXPONENTS, Units, together, units_of
-from gapsense.ssp.words import DESCRIPTION, FMU_TYPE, OSP, OWN, PREFIXES, VALUES, VERSION, tag
+from gapsense.ssp.words import DESCRIPTION, FMU_TYPE, OSP, OWN, PREFIXES, VALUES, VERSION, numbered, tag
 from gapsense.tables import Value
 
 DATE = (1980, 1, 1, 0, 0, 0)  # of all members, so that the same scenario gives the same bytes
@@ -43,8 +44,7 @@ class Exported:
         """Name in the archive of each FMU file; two files of one name get a number."""
         names: dict[Path, str] = {}
         for path in (d.path.resolve() for d in self.descriptions.values()):
-            taken = set(names.values())
-            tries = (f"resources/{path.stem}{f'_{k}' if k else ''}.fmu" for k in range(len(names) + 1))
+            tries, taken = numbered(f"resources/{path.stem}", ".fmu"), set(names.values())
             names.setdefault(path, next(name for name in tries if name not in taken))
         return names
 
@@ -120,7 +120,7 @@ def export(source: Source, path: Path, variant: str | None = None, fmus: str | P
     members = {DESCRIPTION: description(made), VALUES: all_values(made)}
     wrong = [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]
     if wrong:
-        raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {text}" for text in wrong])
+        raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {line}" for line in wrong])
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: pack(file.buffer, members, {**made.sources, **made.files}))
     return [*carried.notes(scenario, document.data), *notes(made)]
@@ -239,14 +239,9 @@ def all_values(made: Exported) -> bytes:
 def pack(file: Any, members: Mapping[str, bytes], sources: Mapping[Path, str]) -> None:
     """The archive: documents, then FMUs and other files."""
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in contents(members, sources):
+        files = ((name, path.read_bytes()) for path, name in sources.items())  # one at a time
+        for name, content in chain(members.items(), files):
             archive.writestr(zipfile.ZipInfo(name, DATE), content, zipfile.ZIP_DEFLATED)
-
-
-def contents(members: Mapping[str, bytes], sources: Mapping[Path, str]) -> Iterable[tuple[str, bytes]]:
-    """Name and content of each member; files are read one at a time."""
-    yield from members.items()
-    yield from ((name, path.read_bytes()) for path, name in sources.items())
 
 
 # Documents of SSP as XML: components, connectors, connections, values.
@@ -262,9 +257,7 @@ def written(root: Element) -> bytes:
     """A document as text, with the usual prefixes: some tools know nothing but these."""
     for prefix, uri in PREFIXES.items():
         register_namespace(prefix, uri)
-    indent(root)
-    text = tostring(root, "unicode")
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
+    return text(root)
 
 
 def add_connector(parent: Element, variable: Variable, units: Units, enumeration: str) -> None:

@@ -18,7 +18,7 @@ from gapsense.ssp.carried import OF_COMPONENTS, WHOLE
 from gapsense.ssp.structure import SINKS, Connector, Element, Link, Path
 from gapsense.ssp.units import Line, Units, conversion
 from gapsense.ssp.values import Given, Node
-from gapsense.ssp.words import OSP, OWN, tag
+from gapsense.ssp.words import OSP, OWN, numbered, tag
 from gapsense.tables import Value
 
 if sys.version_info >= (3, 11):
@@ -190,8 +190,8 @@ def plain_names(paths: list[Path]) -> dict[Path, str]:
     for path in paths:
         first = re.sub(r"\W", "_", "_".join(path), flags=re.ASCII)
         first = first if re.match("[A-Za-z_]", first) else f"c_{first}"
-        taken, tries = set(names.values()), (f"{first}{f'_{k}' if k else ''}" for k in range(len(paths) + 1))
-        names[path] = next(name for name in tries if name not in taken)
+        taken = set(names.values())
+        names[path] = next(name for name in numbered(first) if name not in taken)
     return names
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import count
+
 PREFIXES = {  # tools that do not read namespaces want just these
     "ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription",
     "ssc": "http://ssp-standard.org/SSP1/SystemStructureCommon",
@@ -22,6 +25,11 @@ SCHEMAS = {
     "ssv": "SystemStructureParameterValues.xsd",
     "ssm": "SystemStructureParameterMapping.xsd",
 }
+
+
+def numbered(stem: str, ending: str = "") -> Iterator[str]:
+    """`stem`, `stem_1` and so on, with an ending: of several of one name each takes the first that is free."""
+    return (f"{stem}{f'_{k}' if k else ''}{ending}" for k in count())
 
 
 def tag(name: str) -> str:

@@ -10,18 +10,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.processes import new_marks
 from gapsense._os.workers import Progress
-from gapsense.cosim.prepare import prepare
+from gapsense.cosim.check import prepare
 from gapsense.cosim.run.ahead import VECTORS
 from gapsense.cosim.run.engines import vectors_for
-from gapsense.cosim.run.failure import FmuError
 from gapsense.cosim.run.master import Master
+from gapsense.cosim.run.recording import Subject, new_marks
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.document import Document, Source, read_document
+from gapsense.cosim.scenario.read import Document, Source, read_document
 from gapsense.many.worker import by_port
-from gapsense.problems import ScenarioError
+from gapsense.problems import FmuError, ScenarioError
 from gapsense.tables import Value, merged
 
 Values = Mapping[str, Value]  # by `component.parameter`

@@ -11,7 +11,7 @@ from gapsense._os.checked import fingerprint
 from gapsense._os.importable import facts, importable_name, imported
 from gapsense._os.workers import Entry, Job, Local, Progress
 from gapsense.many.execute import computed
-from gapsense.many.key import key
+from gapsense.many.provenance import key
 from gapsense.many.store import RUNS, Store, alone
 
 Facts = Mapping[str, Any]  # of JSON

@@ -8,18 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from gapsense._os.processes import new_marks
-from gapsense.cosim.events.director import Director
-from gapsense.cosim.events.read import varied
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.run.master import shape
-from gapsense.cosim.run.part import Stage, constants
-from gapsense.cosim.run.recording import Recording, Take
-from gapsense.cosim.scenario.input_signals import player
+from gapsense.cosim.run.events import Director
+from gapsense.cosim.run.part import Stage, constants, player
+from gapsense.cosim.run.recording import Recording, Take, new_marks, shape
+from gapsense.cosim.scenario.read import varied
 from gapsense.fmi.values import ValuesError
 from gapsense.fmi.values import problems as refused
 from gapsense.kernels.layout import names
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 from gapsense.vectors import library
 from gapsense.vectors.model import Member, Model, of_parameters

@@ -9,9 +9,8 @@ from itertools import groupby
 
 from gapsense._os.native import own_compiler
 from gapsense.cosim.fmu.descriptions import Description
-from gapsense.cosim.run.recording import Recording, Take
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.elements import Port
+from gapsense.cosim.run.recording import Recording, Subject, Take
+from gapsense.cosim.scenario.records import Port
 from gapsense.fmi.components import own
 from gapsense.fmi.sentences import Refusal
 from gapsense.tables import Value

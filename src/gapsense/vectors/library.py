@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,69 +16,43 @@ from gapsense.kernels.lanes.library import HERE, loaded
 from gapsense.kernels.lanes.plan import Column
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
-Int, Long, Size, Double, Pointer = ctypes.c_int, ctypes.c_int64, ctypes.c_ssize_t, ctypes.c_double, ctypes.c_void_p
-Wholes, Doubles = ctypes.POINTER(Int), ctypes.POINTER(Double)
+Int, Size, Long, Pointer = ctypes.c_int, ctypes.c_ssize_t, ctypes.c_int64, ctypes.c_void_p
+NUMBERS = {"int": Int, "ptrdiff_t": Size, "int64_t": Long, "double": ctypes.c_double}
+TYPEDEF = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
+COMMENT, FIELDS = re.compile(r"/\*.*?\*/", re.DOTALL), re.compile(r"(?:const )?(\w+) ([\w*, ]+);")
 
 
-def structure(name: str, **fields: Any) -> Any:
-    """A structure of C; arrays given to one live as long as it does."""
-    return type(name, (ctypes.Structure,), {"_fields_": [*fields.items()]})
+def structures(source: str) -> dict[str, Any]:
+    """The structures that a source of C declares, by name; one in another shares its fields with that."""
+    made: dict[str, Any] = {**NUMBERS, "Column": Column}
+    for body, name in TYPEDEF.findall(COMMENT.sub("", source)):
+        fields = [
+            (field.lstrip("*"), pointer(made.get(kind)) if field[0] == "*" else made[kind])
+            for kind, names in FIELDS.findall(body)
+            for field in names.split(", ")
+        ]
+        inner = [field for field, kind in fields if field == "block"]
+        made.setdefault(name, type(name, (ctypes.Structure,), {"_anonymous_": inner, "_fields_": fields}))
+    return made
 
 
-Call: Any = structure("Call", function=Pointer, at=Wholes, k=Doubles)
-Link: Any = structure("Link", target=Int, source=Int, converts=Int, factor=Double, bias=Double)
-Stage: Any = structure(
-    "Stage", **dict.fromkeys(("before", "held", "after", "holds", "converts", "factor", "bias"), Int)
-)
-Range: Any = structure("Range", place=Int, low=Double, high=Double)
-Watch: Any = structure("Watch", **dict.fromkeys(("place", "is_above", "is_on", "holds", "level"), Int))
-Part: Any = structure(
-    "Part",
-    **dict.fromkeys(("constants", "initial", "advance"), Call),
-    links=ctypes.POINTER(Link),
-    link_count=Size,
-    stages=ctypes.POINTER(Stage),
-    stage_count=Size,
-    ranges=ctypes.POINTER(Range),
-    range_count=Size,
-    **dict.fromkeys(("survives", "follows", "buffered", "own", "input_count", "output", "output_count"), Int),
-    **dict.fromkeys(("time", "dt"), Int),
-    duration=Double,
-    period=Double,
-    samples=Wholes,
-    every=Long,
-    offset=Long,
-)
-Loop: Any = structure(
-    "Loop",
-    parts=ctypes.POINTER(Part),
-    part_count=Size,
-    start=Double,
-    base_step=Double,
-    is_jacobi=Int,
-    decimation=Long,
-    rows=Long,
-    columns=Wholes,
-    column_count=Size,
-    places=Wholes,
-    place_count=Size,
-    watches=ctypes.POINTER(Watch),
-    watch_count=Size,
-    failed=Int,
-)
-Runs: Any = structure(
-    "Runs",
-    columns=ctypes.POINTER(Column),
-    first=Size,
-    count=Int,
-    v=Pointer,
-    data=Pointer,
-    played=Pointer,
-    played_from=Long,
-    next=Long,
-)
+def pointer(kind: Any) -> Any:
+    """Pointer to a structure or to whole numbers; to anything else a plain address."""
+    return ctypes.POINTER(kind) if kind is Int or (kind and issubclass(kind, ctypes.Structure)) else Pointer
 
-Signal: Any = structure("Signal", address=Pointer, run=Size, sample=Size)
+
+MADE = structures((HERE / "lanes.h").read_text("utf-8") + SOURCE.read_text("utf-8"))
+Call, Link, Stage, Range, Watch, Part = (MADE[name] for name in ("Call", "Link", "Stage", "Range", "Watch", "Part"))
+Loop, Runs, Signal = MADE["Loop"], MADE["Runs"], MADE["Signal"]
+
+
+def filled(structure: Any, **fields: Any) -> Any:
+    """A structure of C, which keeps its arrays; a list becomes one, and its length is put into the field behind it."""
+    given, kinds = {**fields}, structure._fields_
+    for (name, kind), (count, _) in zip(kinds, kinds[1:]):
+        if isinstance(fields.get(name), list):
+            given |= {name: (kind._type_ * len(fields[name]))(*fields[name]), count: len(fields[name])}
+    return structure(**given)
 
 
 class Functions(NamedTuple):
@@ -115,12 +90,12 @@ def loop() -> Any:
     """The library that does base steps; None where no compiler is."""
     library = loaded("\n".join([(HERE / "lanes.h").read_text("utf-8"), SOURCE.read_text("utf-8")]))
     if library is not None:
-        library.prepare.argtypes = [ctypes.POINTER(Part), ctypes.POINTER(Runs)]
-        library.begin.argtypes = [ctypes.POINTER(Loop), ctypes.POINTER(Runs), ctypes.POINTER(Part), Int]
-        library.play_first.argtypes = [ctypes.POINTER(Loop), ctypes.POINTER(Runs)]
-        library.advance.argtypes = [ctypes.POINTER(Loop), ctypes.POINTER(Runs), Long]
-        of_one = [ctypes.POINTER(Loop), ctypes.POINTER(Runs), ctypes.POINTER(Part), ctypes.POINTER(Signal)]
-        library.filter.argtypes = [*of_one, Size, Wholes, Size, Long]
+        part, loop, runs, signals = (ctypes.POINTER(kind) for kind in (Part, Loop, Runs, Signal))
+        library.prepare.argtypes = [part, runs]
+        library.begin.argtypes = [loop, runs, part, Int]
+        library.play_first.argtypes = [loop, runs]
+        library.advance.argtypes = [loop, runs, Long]
+        library.filter.argtypes = [loop, runs, part, signals, Size, ctypes.POINTER(Int), Size, Long]
     return library
 
 

@@ -1,5 +1,5 @@
 /* A scenario over a few runs at once, W in a block, as ../cosim/run/loop/loop.c does it for one run through FMUs: the same copies,
-   the same order, the same bits. This stands behind lanes.h; the structures are those of library.py.
+   the same order, the same bits. This stands behind lanes.h; library.py reads the structures from here.
 
    All numbers of a block are vectors in one array: the common buffer of inputs and outputs, and behind it for each
    component its inputs, its state, its parameters, and what its steps need of these. */

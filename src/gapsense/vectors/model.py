@@ -6,18 +6,15 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from gapsense.cosim.events.event import Event, resolved
-from gapsense.cosim.run.master import shape
 from gapsense.cosim.run.part import Layout
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.elements import Component
-from gapsense.cosim.scenario.signals import ports, texts
+from gapsense.cosim.run.recording import Subject, shape
+from gapsense.cosim.scenario.records import Component, Event, ports, resolved, texts
 from gapsense.fmi.ports import Component as PortTable
 from gapsense.fmi.steps import samples_due
 from gapsense.fmi.values import fields
 from gapsense.tables import Value
 from gapsense.vectors import library
-from gapsense.vectors.library import Functions, functions, ints
+from gapsense.vectors.library import Functions, filled, functions, ints
 from gapsense.vectors.places import Places, Room, entries_of, places, structure
 
 KNOWN = 256  # sets of values of a component that are remembered
@@ -79,37 +76,28 @@ class Model:
             member.places,
             period or duration,
             links=links,
-            link_count=len(links),
             stages=stages,
-            stage_count=len(stages),
-            follows=bool(len(links) or len(stages) or component.name in played),
+            follows=bool(links or stages or component.name in played),
             duration=duration,
             samples=self.samples(component, duration, period),
             every=component.step,
             offset=component.offset,
         )
 
-    def links(self, component: Component) -> Any:
+    def links(self, component: Component) -> list[Any]:
         """Connections into a part, those that convert last."""
         found = [c for c in self.scenario.connections if c.target.component == component.name]
-        return (library.Link * len(found))(
-            *(
-                library.Link(
-                    target=self.layout.inlets[c.target],
-                    source=self.layout.index[c.source],
-                    converts=c.converts,
-                    factor=1.0 if c.factor is None else c.factor,
-                    bias=c.bias or 0.0,
-                )
-                for c in sorted(found, key=lambda c: c.converts)
-            )
-        )
+        ends = [(self.layout.inlets[c.target], self.layout.index[c.source]) for c in found]
+        made = [
+            library.Link(*end, converts=c.converts, factor=1.0 if c.factor is None else c.factor, bias=c.bias or 0.0)
+            for end, c in zip(ends, found)
+        ]
+        return sorted(made, key=lambda link: link.converts)
 
-    def stages_of(self, component: Component) -> Any:
+    def stages_of(self, component: Component) -> list[Any]:
         """What events do to inputs of a part."""
         slots, first = self.layout.slots_of(component.name), self.stages
-        found = [library.Stage(*slot, *range(first[name], first[name] + STAGE)) for name, slot in slots.items()]
-        return (library.Stage * len(found))(*found)
+        return [library.Stage(*slot, *range(first[name], first[name] + STAGE)) for name, slot in slots.items()]
 
     def samples(self, component: Component, duration: float, period: float) -> Any:
         """How many samples fall due in each step; none where it is always one, at its end."""
@@ -124,14 +112,14 @@ class Model:
     def whole(self) -> Any:
         """Structure of the scenario."""
         experiment, decimation = self.experiment, self.scenario.record.decimation
-        columns = ints(self.subject.columns)
-        played = ints(self.layout.inlets[port] for port in self.scenario.played)
+        columns = [*self.subject.columns]
         watches = [
             library.Watch(self.layout.index[e.when.signal], e.when.is_above, *range(first, first + WATCH))
             for name, first in self.conditions.items()
             if (e := self.layout.events[name]).when
         ]
-        return library.Loop(
+        return filled(
+            library.Loop,
             parts=self.structures,
             part_count=len(self.members),
             start=experiment.start,
@@ -140,11 +128,8 @@ class Model:
             decimation=decimation,
             rows=shape(self.scenario, columns)[0],
             columns=columns,
-            column_count=len(columns),
-            places=played,
-            place_count=len(played),
-            watches=(library.Watch * len(watches))(*watches),
-            watch_count=len(watches),
+            places=[self.layout.inlets[port] for port in self.scenario.played],
+            watches=watches,
             failed=self.failed,
         )
 

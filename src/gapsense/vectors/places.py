@@ -14,7 +14,7 @@ from gapsense.kernels.lanes import Code
 from gapsense.kernels.lanes.plan import Column
 from gapsense.kernels.layout import fields, names
 from gapsense.vectors import library
-from gapsense.vectors.library import Functions, ints
+from gapsense.vectors.library import Functions, filled, ints
 
 
 class Room:
@@ -94,13 +94,13 @@ def of_constants(code: Code, par: Sequence[int], room: Room) -> Iterator[int]:
 def structure(p: Places, period: float, **more: Any) -> Any:
     """Structure of a component in C, with `more` of its fields; `period` is that of its samples or steps [s]."""
     initial, constants, advance = p.calls
-    component, spans = p.functions.component, ranges(p)
-    return library.Part(
+    component = p.functions.component
+    return filled(
+        library.Part,
         constants=constants,
         initial=initial,
         advance=advance,
-        ranges=spans,
-        range_count=len(spans),
+        ranges=ranges(p),
         survives=component.survives,
         buffered=p.buffered,
         own=p.own,
@@ -114,16 +114,12 @@ def structure(p: Places, period: float, **more: Any) -> Any:
     )
 
 
-def ranges(p: Places) -> Any:
+def ranges(p: Places) -> list[Any]:
     """Inputs that have a range, where the component does not take others."""
     ports = () if p.functions.component.survives else p.functions.component.of("input")
     found = [(k, port) for k, port in enumerate(ports, p.own) if (port.min, port.max) != (None, None)]
-    return (library.Range * len(found))(
-        *(
-            library.Range(k, -inf if port.min is None else port.min, inf if port.max is None else port.max)
-            for k, port in found
-        )
-    )
+    ends = [(k, -inf if port.min is None else port.min, inf if port.max is None else port.max) for k, port in found]
+    return [library.Range(*end) for end in ends]
 
 
 def columns(arrays: Sequence[npt.NDArray[np.float64]]) -> Any:
@@ -157,4 +153,4 @@ def called(found: Functions, which: int, taken: Sequence[int], made: Sequence[in
     """A call of C of a function; arrays that it returns stay where they are."""
     code: Code = found.codes[which]
     at = ints([*taken, *(place for entry, place in zip(results(code), made) if not is_array(entry))])
-    return library.Call(found.addresses[which], at, code.c.constants.ctypes.data_as(library.Doubles))
+    return library.Call(found.addresses[which], at, code.c.constants.ctypes.data)

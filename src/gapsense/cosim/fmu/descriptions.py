@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
+import os
+import pickle
+import platform
+import re
+import sys
+import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.util import find_spec
 from io import BytesIO
 from itertools import product
 from pathlib import Path
+from time import time
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring, tostring
 
-from gapsense._os.files import sha256
+from gapsense._os.checked import fingerprint
+from gapsense._os.files import sha256, state
+from gapsense._os.locks import FACTS, cache_folder
 from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
+from gapsense.fmi import ports
 from gapsense.fmi.ports import Component, Limit, Port
 from gapsense.fmi.values import KINDS, ValuesError, fields
 from gapsense.tables import Value
@@ -44,6 +57,8 @@ NOT_REAL = ("Integer", "Boolean", "String", "Enumeration")
 __all__ = ["Description", "Descriptions", "Variable", "describe", "find_fmu"]
 LONGEST = 500  # characters of what a reader says about a file
 NO_SIZES: Mapping[str, int] = {}
+OLD = 90 * 86400.0  # seconds after which what was kept and not used is removed
+SEAL = 32  # bytes of the hash before what was kept
 
 
 # Variables of an FMU: one set of types for FMI 2.0 and 3.0, numbers in place of texts, arrays by their elements.
@@ -313,12 +328,25 @@ def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
     UnusableError
         Saying why the FMU cannot be used, and what to do.
     """
+    with suppress(OSError):  # of a file that is not there it is told below
+        digest = sha256(path)
+        kept = place_of(digest, sizes)
+        if known := recalled(kept, path):
+            return known
+        made = read_anew(path, sizes, digest)
+        keep(kept, made)
+        return made
+    return read_anew(path, sizes, "")
+
+
+def read_anew(path: Path, sizes: Mapping[str, int], digest: str) -> Description:
+    """Model description of an FMU file with this hash, from the file itself."""
     model, variables, rules, members = opened(path, sizes)
     refuse_unusable(model, members)
     refuse_shared(variables.values())
     return Description(
         path=path,
-        sha256=sha256(path),
+        sha256=digest,
         name=model.modelName,
         guid=model.guid,
         identifier=model.coSimulation.modelIdentifier,
@@ -482,3 +510,58 @@ def references(root: Element, key: str) -> Iterator[tuple[str, str]]:
         for attribute in (key, "dependencies"):
             for reference in element.get(attribute, "").split():
                 yield element.tag, reference
+
+
+# What FMU files say of themselves, kept between processes by the hash of their content: fmpy takes longer to read it,
+# and to be loaded, than many a run takes.
+
+
+def place_of(digest: str, sizes: Mapping[str, int]) -> Path:
+    """File for what an FMU of some content says to this version of fmpy and of this code, on this platform."""
+    readers = [state(file) for file in (Path(__file__), Path(ports.__file__), reader())]
+    key = [digest, sorted(sizes.items()), readers, sys.platform, platform.machine()]
+    return cache_folder() / f"{FACTS}{fingerprint(key)}"
+
+
+@cache
+def reader() -> Path:
+    """The file of fmpy that is loaded first."""
+    found = find_spec("fmpy")
+    return Path(found.origin) if found and found.origin else Path(__file__)
+
+
+def reader_version() -> str:
+    """Version of fmpy, which need not be loaded for that."""
+    found = re.search(r"^__version__ = ['\"](.+)['\"]$", reader().read_text("utf-8"), re.MULTILINE)
+    if found:
+        return found[1]
+    import fmpy
+
+    return str(fmpy.__version__)
+
+
+def recalled(file: Path, path: Path) -> Description | None:
+    """Description that was kept, of an FMU at a path; None if there is none that is whole and by this user."""
+    with suppress(OSError):
+        about, content = file.stat(), file.read_bytes()
+        is_own = os.name != "posix" or (about.st_uid == os.geteuid() and not about.st_mode & 0o022)
+        if is_own and hashlib.sha256(content[SEAL:]).digest() == content[:SEAL]:
+            if about.st_mtime < time() - OLD / 3:
+                os.utime(file)
+            found: Description = pickle.loads(content[SEAL:])
+            return replace(found, path=path)
+    return None
+
+
+def keep(file: Path, made: Description) -> None:
+    """Keep a description for other processes, if there is room for it; those that nobody has used for long go."""
+    content = pickle.dumps(replace(made, path=Path()))
+    with suppress(OSError):
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        handle, part = tempfile.mkstemp(dir=file.parent, prefix=FACTS)  # for its owner alone
+        with os.fdopen(handle, "wb") as opened:
+            opened.write(hashlib.sha256(content).digest() + content)
+        Path(part).replace(file)
+        for other in file.parent.glob(f"{FACTS}*"):
+            if other.stat().st_mtime < time() - OLD:
+                other.unlink()

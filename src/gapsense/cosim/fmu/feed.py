@@ -10,16 +10,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.processes import new_marks
-from gapsense.cosim.check.values import value_problem
+from gapsense.cosim.check import value_problem
 from gapsense.cosim.fmu.descriptions import describe
 from gapsense.cosim.fmu.instance import instance_of, unpacked
-from gapsense.cosim.run.loop import Work, advancer
-from gapsense.cosim.run.part import Layout, Part, part_of
-from gapsense.cosim.run.recording import Recording
-from gapsense.cosim.scenario.elements import Component, Experiment, Port
-from gapsense.cosim.scenario.input_signals import Player
-from gapsense.cosim.scenario.signals import ports
+from gapsense.cosim.run.loop.compiled import advancer
+from gapsense.cosim.run.part import Layout, Part, Player, Work, part_of
+from gapsense.cosim.run.recording import Recording, new_marks
+from gapsense.cosim.scenario.records import Component, Experiment, Port, ports
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
 

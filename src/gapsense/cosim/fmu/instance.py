@@ -21,8 +21,11 @@ from typing import Any, NamedTuple
 from gapsense._os.files import sha256
 from gapsense._os.locks import temporary_folder as locked_folder
 from gapsense.cosim.fmu.descriptions import Description, Variable
-from gapsense.cosim.run.failure import FmuError
+from gapsense.problems import FmuError
 from gapsense.tables import Value
+
+# One FMU instance: life cycle and parameters, with errors that carry the component's own words.
+
 
 PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
 C_TYPES_3: Mapping[str, Any] = {
@@ -58,11 +61,12 @@ class Message(NamedTuple):
     text: str
 
 
-def collector(messages: deque[Message]) -> Callable[..., None]:
-    """Function for the logger of an FMU that keeps its messages."""
+def collector(messages: deque[Message], escape: str = "%%") -> Callable[..., None]:
+    """Function for the logger of an FMU that keeps its messages; `escape` is what a text has for `%`."""
 
-    def log(_: Any, instance: bytes, status: int, category: bytes | None, text: bytes | None) -> None:
-        messages.append(Message(status, (text or b"").decode("utf-8", "replace").replace("%%", "%")))
+    def log(*said: Any) -> None:
+        status, _, text = said[-3:]
+        messages.append(Message(status, (text or b"").decode("utf-8", "replace").replace(escape, "%")))
 
     return log
 
@@ -100,6 +104,7 @@ class Instance:
 
     is_near = True  # in this process, so that C may call it
     last = math.nan  # time that the last step has reached [s], where one was told
+    failed, status = "", 0  # the entry point that failed last, and what it returned
 
     def __init__(self, name: str, description: Description, folder: Path) -> None:
         self.name, self.description = name, description
@@ -155,7 +160,7 @@ class Instance:
 
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed; the instance counts as dead if it said `fmi2Fatal`."""
-        self.is_dead = self.is_dead or status == FATAL
+        self.failed, self.status, self.is_dead = function, status, self.is_dead or status == FATAL
         if status == ASTRAY:
             found = f"{self.entry(function)} said that it reached t = {self.last:.9g} s, the end of the step expected"
             cause = f"{found}. {STEADY}{self.said()}."
@@ -362,15 +367,6 @@ def kind_of(description: Description) -> type[Instance]:
     return Instance3 if description.fmi == 3 else Instance
 
 
-def collector_3(messages: deque[Message]) -> Callable[..., None]:
-    """Function for the logger of an FMU that keeps its messages."""
-
-    def log(_: Any, status: int, category: bytes | None, text: bytes | None) -> None:
-        messages.append(Message(status, (text or b"").decode("utf-8", "replace")))
-
-    return log
-
-
 class Instance3(Instance):
     """An FMU of FMI 3.0, without event mode, early return and clocks."""
 
@@ -384,7 +380,7 @@ class Instance3(Instance):
             unzipDirectory=str(folder),
             instanceName=self.name,
         )
-        slave.instantiate(loggingOn=True, logMessage=collector_3(self.messages))
+        slave.instantiate(loggingOn=True, logMessage=collector(self.messages, "%"))
         return slave
 
     def entry(self, function: str) -> str:

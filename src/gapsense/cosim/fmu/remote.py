@@ -34,11 +34,11 @@ from gapsense.cosim.fmu.instance import (
     STEP,
     WARNING,
     Instance,
-    Instance3,
     Message,
+    instance_of,
     kind_of,
 )
-from gapsense.cosim.run.failure import FmuError
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 OK = 0
@@ -57,7 +57,7 @@ class RemoteInstance(Instance):
         self.kind = kind_of(description)
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
-        self.failed = self.cause = ""  # the entry point that failed last; how the process has ended
+        self.cause = ""  # how the process has ended
         self.process, self.ended = process(limit=limit), Event()
         home = self.process.folder
         (home / "plan").write_bytes(pickle.dumps((name, description, folder)))
@@ -220,21 +220,6 @@ def raw(values: Sequence[Any]) -> list[Any]:
     return [value.encode("utf-8") if isinstance(value, str) else value for value in values]
 
 
-class Noting(Instance):
-    """An instance that remembers which call failed."""
-
-    failed, status = "", 0
-
-    def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
-        """Error for a call that failed."""
-        self.failed, self.status = function, status
-        return super().failure(function, status, time, step)
-
-
-class Noting3(Noting, Instance3):
-    """The same of FMI 3.0."""
-
-
 def prepare(folder: str) -> Callable[[Request], Answer]:
     """Function that does what the master asks of the instance whose plan is in a folder."""
     import fmpy.fmi2  # noqa: F401  # now, so that it does not count for the component
@@ -245,7 +230,7 @@ def prepare(folder: str) -> Callable[[Request], Answer]:
 class Server:
     """The instance, once it is loaded, and what may be asked of it."""
 
-    instance: Noting
+    instance: Instance
 
     def __init__(self, folder: Path) -> None:
         plan: tuple[str, Description, Path] = pickle.loads((folder / "plan").read_bytes())
@@ -278,8 +263,7 @@ class Server:
     def load(self) -> Answer:
         """Load the FMU; the entry point in the answer is the whole cause if that fails."""
         try:
-            kind = Noting3 if self.description.fmi == 3 else Noting
-            self.instance = kind(self.name, self.description, self.extracted)
+            self.instance = instance_of(self.name, self.description, self.extracted)
         except FmuError as error:
             return ERROR, error.cause, None, []
         atexit.register(self.instance.close)

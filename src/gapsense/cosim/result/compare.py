@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from gapsense._os.files import read_columns
 from gapsense.cosim.result.result import TIME, Result, Run
-from gapsense.cosim.scenario.records import Baseline, Tolerance
-from gapsense.cosim.scenario.signals import matching
+from gapsense.cosim.scenario.records import Baseline, Tolerance, matching
 from gapsense.problems import listing
 
 Vector = npt.NDArray[np.float64]

@@ -10,8 +10,6 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.cosim.scenario.records import Metric
-
 Vector = npt.NDArray[np.float64]
 
 
@@ -101,12 +99,3 @@ class Measured:
         unit = f" {self.unit}" if self.unit else ""
         span = "" if self.bounds is None else f", bounds {self.bounds[0]:.6g} to {self.bounds[1]:.6g}{unit}"
         return f"{self.name} = {self.value:.6g}{unit}{span}"
-
-
-def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
-    """Unit of a metric: that of its signal, of an area that times that of its reference."""
-    if metric.kind == "loop_area":
-        return f"{units.get(metric.signal, '')}.{units.get(str(metric.reference), '')}"
-    if KINDS[metric.kind].takes_times:
-        return "s"
-    return "" if metric.kind == "fraction" else units.get(metric.signal, "")

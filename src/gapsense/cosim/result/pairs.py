@@ -26,9 +26,8 @@ from gapsense.cosim.result.compare import (
 )
 from gapsense.cosim.result.result import TIME, Result, Run, Signal, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
-from gapsense.cosim.scenario.kinds import RESULT, other_kind
-from gapsense.cosim.scenario.records import Baseline, Tolerance
-from gapsense.cosim.scenario.signals import matching
+from gapsense.cosim.scenario.read import RESULT, other_kind
+from gapsense.cosim.scenario.records import Baseline, Tolerance, matching
 from gapsense.problems import InputError, listing, suggest
 
 Vector = npt.NDArray[np.float64]

@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from gapsense._os.checked import sealed
 from gapsense._os.files import prepared, read_columns, rename, sha256, write_columns, write_json
-from gapsense.cosim.events.event import Span
-from gapsense.cosim.result.metrics import KINDS, Measured, unit_of
+from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
-from gapsense.cosim.scenario.records import Metric
+from gapsense.cosim.scenario.records import Metric, Span
 from gapsense.cosim.show import frame, plot, result_html
 from gapsense.problems import suggest
 from gapsense.tables import Value
@@ -336,3 +335,12 @@ def at_times(values: Vector, result: Result, times: Vector) -> Vector:
     rows = np.rint((times - result.times[0]) / (result.base_step * result.run.decimation))
     inside = (rows >= 0) & (rows < values.size)
     return np.where(inside, values[np.where(inside, rows, 0).astype(np.intp)], math.nan)
+
+
+def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
+    """Unit of a metric: that of its signal, of an area that times that of its reference."""
+    if metric.kind == "loop_area":
+        return f"{units.get(metric.signal, '')}.{units.get(str(metric.reference), '')}"
+    if KINDS[metric.kind].takes_times:
+        return "s"
+    return "" if metric.kind == "fraction" else units.get(metric.signal, "")

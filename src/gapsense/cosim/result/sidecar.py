@@ -10,10 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from gapsense._os.checked import SEAL, is_sealed
-from gapsense._os.files import read_json
-from gapsense._os.plain_files import read_bytes
-from gapsense.cosim.scenario.document import missing, scenario_file
-from gapsense.cosim.scenario.kinds import RESULT, other_kind
+from gapsense._os.files import read_bytes, read_json
+from gapsense.cosim.scenario.read import RESULT, missing, other_kind, scenario_file
 from gapsense.problems import InputError
 
 FORMAT = "gapsense result 3"

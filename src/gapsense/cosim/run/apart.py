@@ -14,7 +14,7 @@ from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
 from time import monotonic
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +24,6 @@ from gapsense._os.interrupts import counted
 from gapsense._os.prestart import process as new_process
 from gapsense._os.processes import Died, Process, own_marks
 from gapsense.cosim.fmu.descriptions import Descriptions
-from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.run.master import Keeper, Master, Progress, shape
 from gapsense.cosim.run.recording import (
     COMPONENT,
     DOING,
@@ -39,9 +37,13 @@ from gapsense.cosim.run.recording import (
     Take,
     death,
     from_facts,
+    shape,
 )
-from gapsense.cosim.scenario.order import execution_order
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.scenario.records import Scenario, execution_order
+from gapsense.problems import FmuError
+
+if TYPE_CHECKING:
+    from gapsense.cosim.run.master import Keeper, Master, Progress
 
 FACTS = "facts.json"  # all but the rows, of the run so far
 PERIOD = 0.5  # seconds between two of its versions
@@ -106,6 +108,7 @@ class Run:
     def recording(self) -> Recording:
         """What the run leaves behind."""
         Thread(target=self.ask, daemon=True).start()
+        self.look()
         answer = None
         while answer is None:
             with suppress(Empty):
@@ -215,6 +218,8 @@ def record(plan: Plan, folder: Path) -> Recording:
     """The run; its FMUs are freed when this process ends, and may crash then without harm."""
     marks, size = own_marks(), shape(plan.scenario, plan.take.columns)
     recording = Recording(opened(folder / "rows", size))
+    from gapsense.cosim.run.master import Master  # here, so that the process that waits starts fast
+
     try:
         master = Master(plan.scenario, plan.descriptions, marks)
     except FmuError as error:

@@ -8,20 +8,20 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from gapsense._os.files import write_atomically
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.result.sidecar import ELSEWHERE
-from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.recording import Recording, Take
-from gapsense.cosim.scenario.elements import Port
 from gapsense.cosim.scenario.fingerprint import deciding
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.problems import ScenarioError
+from gapsense.cosim.scenario.records import Port, Scenario
+from gapsense.problems import FmuError, ScenarioError
+
+if TYPE_CHECKING:
+    from gapsense.cosim.run.master import Master
 
 FORMAT = "gapsense checkpoint 2"
 Facts = dict[str, Any]

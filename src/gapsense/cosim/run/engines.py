@@ -7,12 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gapsense.cosim.prepare import find_fmus, prepare
+from gapsense.cosim.check import find_fmus, prepare
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.ahead import ENGINES, FMU, NATIVE, VECTORS, likely_vectors
-from gapsense.cosim.run.recording import Recording, Take
-from gapsense.cosim.run.subject import Subject, finished
-from gapsense.cosim.scenario.document import Source, scenario_file
+from gapsense.cosim.run.recording import Recording, Subject, Take, finished
+from gapsense.cosim.scenario.read import Source, scenario_file
 from gapsense.problems import ScenarioError, suggest
 from gapsense.shipped import NATIVE_FOLDER
 

@@ -12,16 +12,13 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.processes import Marks, new_marks
-from gapsense.cosim.events.director import Director, explained
-from gapsense.cosim.events.event import Event, resolved
-from gapsense.cosim.events.read import varied
+from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
 from gapsense.cosim.fmu.remote import RemoteInstance
-from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.run.loop import Advance, Work, advancer
-from gapsense.cosim.run.part import Layout, Part, Texts, constants, part_of, place
+from gapsense.cosim.run.events import Director, explained
+from gapsense.cosim.run.loop.compiled import advancer, language
+from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, part_of, place, player
 from gapsense.cosim.run.recording import (
     COMPONENT,
     ENDING,
@@ -34,12 +31,21 @@ from gapsense.cosim.run.recording import (
     STEPPING,
     STOP,
     Recording,
+    Subject,
+    new_marks,
+    shape,
+    varied_events,
 )
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.elements import Experiment, Port
-from gapsense.cosim.scenario.input_signals import player
-from gapsense.cosim.scenario.records import Scenario
-from gapsense.cosim.scenario.signals import ports, texts
+from gapsense.cosim.scenario.records import (
+    Event,
+    Experiment,
+    Port,
+    Scenario,
+    ports,
+    resolved,
+    texts,
+)
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 T = TypeVar("T")
@@ -149,7 +155,7 @@ class Master:
         step in which the mark STOP is set. The `keeper` has where to go on and when to save.
         """
         recording = recording or Recording(np.empty(shape(self.scenario, columns)))
-        recording.begun = perf_counter()
+        recording.begun, recording.loop = perf_counter(), language()
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
@@ -207,7 +213,7 @@ class Master:
     def directed(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> Director:
         """The events of a run, prepared for the initialization."""
         problems: list[str] = []
-        events = varied(self.scenario.events, values, problems)
+        events = varied_events(self.scenario.events, values, problems)
         if problems:
             raise FmuError("run", " ".join(problems))
         return Director(
@@ -308,11 +314,6 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
     targets = {name: event.target for name, event in scenario.events.items()}
     return list(bare.items()), hashes, scenario.connections, list(targets.items()), scenario.experiment.step_limit
-
-
-def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
-    """Rows and columns of a whole run."""
-    return scenario.experiment.count // scenario.record.decimation + 1, len(columns)
 
 
 def refuse(part: Part, failed: str, experiment: Experiment) -> None:

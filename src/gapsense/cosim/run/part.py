@@ -11,13 +11,26 @@ from functools import cached_property
 from itertools import groupby
 from typing import Any, NamedTuple
 
-from gapsense.cosim.events.actor import Effect
-from gapsense.cosim.events.event import Event
+import numpy as np
+import numpy.typing as npt
+
+from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Descriptions, Variable
 from gapsense.cosim.fmu.instance import ENDS, ENDS_WITHIN, STEP, WARNING, Instance, referring
-from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.scenario.elements import Component, Connection, Port
-from gapsense.cosim.scenario.records import Scenario
+from gapsense.cosim.run.recording import Recording
+from gapsense.cosim.scenario.records import (
+    SLACK,
+    Component,
+    Connection,
+    Event,
+    Experiment,
+    Played,
+    Port,
+    Scenario,
+    Vector,
+    Watch,
+)
+from gapsense.problems import FmuError
 from gapsense.tables import Value
 
 Texts = dict[Port, str]  # values of String variables, as the buffer holds those of all others
@@ -83,6 +96,18 @@ class Exchange(NamedTuple):
     references: Any
     values: Any
     arguments: tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """`factor * value + bias`, or without a factor `bias` whatever the value is."""
+
+    factor: float | None
+    bias: Value
+
+    def of(self, value: Value) -> Value:
+        """What becomes of a value."""
+        return self.bias if self.factor is None else self.factor * float(value) + float(self.bias)
 
 
 class Stage:
@@ -455,3 +480,80 @@ def place(port: Port, value: Value, places: Layout, buffer: array[float], texts:
         buffer[places.inlets[port]] = float(value)
     else:
         texts[port] = str(value)
+
+
+# What the loop over base steps has to do, and who steps when: part i at `offset + j * step`, j >= 1.
+
+
+# Does base steps up to the one given, and returns the last one done: an earlier one if it was told to stop, if
+# Python should look up, or if there is news of a condition.
+Advance = Callable[[int], int]
+
+
+class Work(NamedTuple):
+    """A run whose parts are initialised, and whose first base step to do is `begin`.
+
+    Base step 0 is the start: nobody steps, with Jacobi inputs are exchanged, and the first row is recorded.
+    """
+
+    parts: Sequence[Part]  # in execution order
+    experiment: Experiment
+    player: Player
+    columns: npt.NDArray[np.int64]  # places of the buffer to record
+    decimation: int
+    buffer: npt.NDArray[np.float64]
+    recording: Recording  # has the seconds and calls of each part
+    marks: Marks
+    begin: int
+    watches: Sequence[Watch] = ()  # conditions of which news end a block
+
+
+def first_turn(component: Component, begin: int) -> int:
+    """The first base step from `begin` on at which a component steps."""
+    return component.offset + component.step * (max(0, begin - 1 - component.offset) // component.step + 1)
+
+
+def first_exchange(component: Component, begin: int) -> int:
+    """The first base step from `begin` on at which a component takes inputs, with Jacobi: where a step of it begins."""
+    return component.offset if begin <= component.offset else first_turn(component, begin)
+
+
+Matrix = npt.NDArray[np.float64]
+
+
+BLOCK = 4096  # base steps computed at once
+
+
+class Player:
+    """Values that go to places of the buffer at each base step; `rows` gives those from one on, many at once."""
+
+    def __init__(self, places: Sequence[int], rows: Callable[[int], Matrix]) -> None:
+        self.places, self.rows = np.array(places, dtype=np.int64), rows
+        self.begin, self.block = 0, np.empty((0, len(places)))
+
+    def provide(self, k: int) -> int:
+        """Have the values of a base step; the last one of which there are some."""
+        if not self.begin <= k < self.begin + len(self.block):
+            self.begin, self.block = k, np.ascontiguousarray(self.rows(k))
+        return self.begin + len(self.block) - 1
+
+    def into(self, buffer: Vector) -> Callable[[int], None]:
+        """Function of the base step that puts its values into the buffer."""
+
+        def play(k: int) -> None:
+            self.provide(k)
+            buffer[self.places] = self.block[k - self.begin]
+
+        return play if len(self.places) else lambda k: None
+
+
+def player(signals: Mapping[Port, Played], index: Mapping[Port, int], experiment: Experiment) -> Player:
+    """What plays the signals of a scenario: the value of each at the time of the base step."""
+
+    def rows(k: int) -> Matrix:
+        times = experiment.start + np.arange(k, k + BLOCK, dtype=np.float64) * experiment.base_step
+        slack = SLACK * experiment.base_step
+        values = np.array([signal.at(times, slack) for signal in signals.values()])
+        return values.reshape(len(signals), BLOCK).T
+
+    return Player([index[port] for port in signals], rows)

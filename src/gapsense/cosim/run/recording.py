@@ -1,21 +1,45 @@
-"""What a run leaves behind, and the marks that say what it is doing at any moment, even after it has crashed."""
+"""What is run, what a run leaves behind, and the marks that say what it is doing at any moment, even after a crash.
+
+The process that runs a scenario and the one that waits for it share this; only the latter makes results.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import os
+import platform
+from array import array
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache, cached_property, lru_cache
 from math import frexp, ldexp
+from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.processes import Died, Marks
-from gapsense.cosim.run.failure import FmuError
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import Scenario
+from gapsense._os.files import sha256, state
+from gapsense._os.processes import MARKS, Died, Marks
+from gapsense.cosim.fmu.descriptions import Descriptions, reader_version
+from gapsense.cosim.scenario.records import (
+    SECTION,
+    Connection,
+    Event,
+    Order,
+    Port,
+    Scenario,
+    Span,
+    execution_order,
+    ports,
+    recorded_signals,
+)
+from gapsense.problems import FmuError
 from gapsense.tables import Value
+from gapsense.version import __version__
+
+if TYPE_CHECKING:
+    from gapsense.cosim.result.result import Result, Run, Signal, Timing
 
 BINS, OF_OCTAVE, LEAST = 512, 16, -26  # the first one begins at 2**LEAST s, and takes all that is shorter
 Counts = npt.NDArray[np.int64]
@@ -25,6 +49,11 @@ PHASE, COMPONENT, STEP, ROWS, STOP = range(5)
 LOADING, STARTING, STEPPING, ENDING = range(4)
 DOING = ("while it was loaded", "at its initialization", "in its step", "at its end")
 MASTER = 0  # in the place of a component
+
+
+def new_marks() -> Marks:
+    """Marks that nobody shares."""
+    return array("q", bytes(8 * MARKS))
 
 
 class Take(NamedTuple):
@@ -55,6 +84,7 @@ class Recording:
     interrupted: bool = False
     ended: str = ""  # by which components in an orderly way, before its stop or there
     error: FmuError | None = None
+    loop: str = "C"  # language of the loop over base steps
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
 
     def start(self, parts: int) -> Recording:
@@ -130,3 +160,210 @@ def median(counts: Counts, longest: float) -> float | None:
     k = int(np.searchsorted(total, half))
     share = 1.0 - (float(total[k]) - half) / float(counts[k])
     return min(bin_edge(k) + share * (bin_edge(k + 1) - bin_edge(k)), longest)
+
+
+# What is run: a scenario and its FMUs, with all that their runs have in common, found once.
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A scenario and the descriptions of its FMUs."""
+
+    scenario: Scenario
+    descriptions: Descriptions
+
+    @cached_property
+    def about(self) -> dict[str, Signal]:
+        """The signals that are recorded."""
+        from gapsense.cosim.result.result import Signal  # here, so that a process that makes no results starts fast
+
+        known = recorded_signals(self.scenario, self.descriptions)
+        return {name: Signal(v.unit or "", v.nominal, v.causality) for name, v in known.items()}
+
+    @cached_property
+    def columns(self) -> list[int]:
+        """Their places in the buffer."""
+        return [place for place, port in enumerate(ports(self.descriptions)) if str(port) in self.about]
+
+    @cached_property
+    def order(self) -> Order:
+        """In which the components act."""
+        return execution_order(list(self.scenario.components), self.scenario.connections, self.descriptions)
+
+    @cached_property
+    def run(self) -> Run:
+        """What is run and how, but for seeds, files and what came of it."""
+        from gapsense.cosim.check import on_grid
+        from gapsense.cosim.result.result import Run
+
+        scenario, experiment = self.scenario, self.scenario.experiment
+        said = [f"{name} = {value}" for name, value in scenario.settings.items()]
+        return Run(
+            title=scenario.title + (f" ({', '.join(said)})" if said else ""),
+            scenario=scenario.name,
+            variant=scenario.variant,
+            method=experiment.method,
+            start=experiment.start,
+            stop=experiment.stop,
+            base_step=experiment.base_step,
+            decimation=scenario.record.decimation,
+            seeds={},
+            components={name: component_facts(scenario, self.descriptions, name) for name in scenario.components},
+            order=self.order.names,
+            delayed=tuple(str(connection) for connection in self.order.delayed),
+            files={},
+            versions=versions(),
+            source=str(scenario.path.resolve()),
+            figure=scenario.figure,
+            wires=tuple(map(str, scenario.connections)),
+            remarks=tuple(on_grid(scenario, self.descriptions)),
+            settings=scenario.settings,
+            direct=tuple(str(c) for c in scenario.connections if is_direct(c, self.descriptions)),
+        )
+
+    @cached_property
+    def files(self) -> Mapping[str, Path]:
+        """Each file of the scenario by its path from the scenario's folder."""
+        folder = self.scenario.path.parent.resolve()
+        files = [file.resolve() for file in self.scenario.files]
+        return {Path(os.path.relpath(file, folder)).as_posix(): file for file in files}
+
+    def hashes(self) -> dict[str, str]:
+        """Hash of each file as it is now, and of what stands in none."""
+        return {name: known_hash(file, *state(file)) for name, file in self.files.items()} | {**self.scenario.hashes}
+
+    def taken(self, seed_shift: int = 0, point: int | Mapping[Port, Value] | None = None) -> Take:
+        """What one run takes; a point of a sweep, or values of parameters."""
+        values = self.scenario.points()[point] if isinstance(point, int) else point or {}
+        random = {
+            event.seed_name: event.seed
+            for event in varied_events(self.scenario.events, values, []).values()
+            if event.is_random
+        }
+        seeds = {name: seed + seed_shift for name, seed in {**self.scenario.seeds, **random}.items()}
+        return Take(columns=self.columns, seeds=seeds, values=values)
+
+
+def varied_events(
+    events: Mapping[str, Event], values: Mapping[Port, Value], problems: list[str]
+) -> Mapping[str, Event]:
+    """The events with the values that a sweep gives their keys; what is wrong with these is noted."""
+    if not any(port.component == SECTION for port in values):
+        return events
+    from gapsense.cosim.scenario.read import varied
+
+    return varied(events, values, problems)
+
+
+def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
+    """True if an output of the target depends directly on what the connection carries."""
+    return connection.target.variable in descriptions[connection.target.component].direct_inputs
+
+
+def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:
+    """FMU and grid of a component."""
+    component, description = scenario.components[name], descriptions[name]
+    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256", "fmi")}
+    return {"fmu": description.path.name, **facts, "step": component.step, "offset": component.offset}
+
+
+@lru_cache(maxsize=256)
+def known_hash(file: Path, *_: int) -> str:
+    """Hash of a file in some state."""
+    return sha256(file)
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of what computed the result."""
+    found = {"gapsense": __version__, "fmpy": reader_version(), "numpy": np.__version__}
+    return {**found, "python": platform.python_version(), "platform": platform.platform()}
+
+
+# From a recording to a result with its metrics.
+
+
+def finished(subject: Subject, take: Take, recording: Recording) -> Result:
+    """Result of a recording with its metrics; raises FmuError with the partial result if a component has failed."""
+    from gapsense.cosim.result.result import measure_all
+
+    result = to_result(subject, take, recording)
+    if recording.error is not None:
+        recording.error.result = replace(result, failure=str(recording.error))
+        raise recording.error
+    return result if result.interrupted else replace(result, metrics=measure_all(subject.scenario.metrics, result))
+
+
+def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
+    """Result of a recording, without metrics."""
+    from gapsense.cosim.result.result import Result
+
+    overruns, lag = recording.overruns, recording.lag
+    return Result(
+        run=replace(
+            subject.run,
+            seeds=dict(take.seeds),
+            files=subject.hashes(),
+            versions={**subject.run.versions, "loop": recording.loop},
+            overruns=overruns,
+            lag=lag,
+            remarks=(*subject.run.remarks, *said(subject, recording)),
+        ),
+        times=times(subject.scenario, recording.rows),
+        signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
+        about=subject.about,
+        parameters=recording.parameters,
+        timing=dict(zip(subject.run.order, timings(recording))),
+        wall=recording.wall,
+        interrupted=recording.interrupted,
+        ended=recording.ended,
+        messages=tuple(recording.messages),
+        events=tuple(spans(subject.scenario, recording.events)),
+    )
+
+
+def said(subject: Subject, recording: Recording) -> Iterator[str]:
+    """Sentences on what components did in the run that is no failure: the end of it, warnings."""
+    if recording.ended:
+        yield recording.ended
+    from gapsense.cosim.fmu.instance import WARNING, summary
+
+    for name, warnings, calls in zip(subject.run.order, recording.warnings, recording.calls):
+        if warnings:
+            texts = [text for component, status, text in recording.messages if (component, status) == (name, WARNING)]
+            said = f"; the last one says: {summary(texts[-1]).rstrip('.')}" if texts else " without a word"
+            yield f"`{name}` returned a warning from {warnings} of {calls} steps{said}."
+
+
+def timings(recording: Recording) -> Iterator[Timing]:
+    """Time of each component, in execution order."""
+    from gapsense.cosim.result.result import Timing
+
+    for seconds, calls, longest, spread in zip(recording.seconds, recording.calls, recording.longest, recording.spread):
+        yield Timing(seconds, calls, median(spread, longest), longest if calls else None)
+
+
+def spans(scenario: Scenario, happened: Sequence[Sequence[Any]]) -> Iterator[Span]:
+    """When each event was on; of an event that was on at the end, the end is not known."""
+    time = scenario.experiment.time
+    for name, begin, end in happened:
+        event = scenario.events[name]
+        yield Span(
+            name=name,
+            target=str(event.target),
+            action=event.action,
+            begin=time(begin),
+            end=None if end is None else time(end),
+        )
+
+
+def times(scenario: Scenario, rows: int) -> npt.NDArray[np.float64]:
+    """Times of the rows [s], each with the bits of `Experiment.time`."""
+    experiment = scenario.experiment
+    steps = np.arange(rows, dtype=np.float64) * scenario.record.decimation  # exact: there are fewer than 2**53
+    return experiment.start + steps * experiment.base_step
+
+
+def shape(scenario: Scenario, columns: Sequence[int]) -> tuple[int, int]:
+    """Rows and columns of a whole run."""
+    return scenario.experiment.count // scenario.record.decimation + 1, len(columns)

@@ -6,21 +6,22 @@ from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gapsense._os.interrupts import counted
-from gapsense.cosim.prepare import prepare
+from gapsense.cosim.check import prepare
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.ahead import run_ahead
 from gapsense.cosim.run.apart import Plan, Watch, record_apart, tell
 from gapsense.cosim.run.checkpoint import Checkpoint, Keeper, keeper
-from gapsense.cosim.run.master import Master, Progress
-from gapsense.cosim.run.recording import STOP
-from gapsense.cosim.run.subject import Subject, finished
-from gapsense.cosim.scenario.document import Source
-from gapsense.cosim.scenario.elements import Port
-from gapsense.cosim.scenario.records import ISOLATIONS, Scenario
+from gapsense.cosim.run.recording import STOP, Subject, finished
+from gapsense.cosim.scenario.read import Source
+from gapsense.cosim.scenario.records import ISOLATIONS, Port, Scenario
 from gapsense.problems import suggest
 from gapsense.tables import Value
+
+if TYPE_CHECKING:
+    from gapsense.cosim.run.master import Master, Progress
 
 
 def run(
@@ -83,6 +84,8 @@ def run(
         if read.experiment.isolation == "process":
             recording = record_apart(Plan(read, descriptions, take, kept), Watch(progress, notice))
             return finished(subject, take, recording)
+        from gapsense.cosim.run.master import Master  # here: a run in another process does not need it
+
         with Master(read, descriptions) as master:
             return run_once(master, seed_shift, progress, point, kept)
 

@@ -9,20 +9,19 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from gapsense.cosim.check.scenario import described
+from gapsense.cosim.check import check, described, find_fmus, prepare
 from gapsense.cosim.fmu.descriptions import Description, find_fmu
-from gapsense.cosim.prepare import check, find_fmus, prepare
 from gapsense.cosim.result.result import Measure, Result
 from gapsense.cosim.run.master import Master, Progress
 from gapsense.cosim.run.run import run, run_once
-from gapsense.cosim.scenario.document import Document, read_document, scenario_file
+from gapsense.cosim.scenario.read import Document, read_document, scenario_file
 from gapsense.cosim.scenario.write import write_document
 from gapsense.cosim.show import scenario_html
 from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import flattened
 
 if TYPE_CHECKING:
-    from gapsense.many.sweep_table import Sweep
+    from gapsense.many.sweep import Sweep
 
 
 Self = TypeVar("Self", bound="Content")

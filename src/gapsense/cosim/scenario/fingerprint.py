@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 
 from gapsense._os.files import sha256
-from gapsense.cosim.events.event import Event
-from gapsense.cosim.scenario.elements import Component, Connection, Experiment
-from gapsense.cosim.scenario.records import Metric, Scenario
+from gapsense.cosim.scenario.records import Component, Connection, Event, Experiment, Metric, Scenario
 
 # What is not in this table decides: a field that somebody adds is no danger, at worst it computes too often.
 WORDS: Mapping[type, frozenset[str]] = {

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from gapsense.cosim.events.keys import EVENTS
 from gapsense.cosim.result.metrics import KINDS
-from gapsense.cosim.scenario.elements import STEP_LIMIT
-from gapsense.cosim.scenario.input_signals import INTERPOLATIONS
-from gapsense.cosim.scenario.records import ISOLATIONS, METHODS, NAME, Tolerance
+from gapsense.cosim.scenario.records import ACTIONS, INTERPOLATIONS, ISOLATIONS, METHODS, NAME, STEP_LIMIT, Tolerance
 from gapsense.parameters import is_file
 from gapsense.tables import (
     BOUNDS,
@@ -27,6 +24,69 @@ from gapsense.tables import (
     Key,
     Section,
 )
+
+WHEN = Section(
+    "[events.<event>.when]",
+    "A condition on a signal, looked at after every base step. The event begins when it holds for the first time, with "
+    "the next value that an input takes, or the next step of the component of a parameter.",
+    (
+        Key("signal", TEXT, "Input or output `component.variable`", '"valve.position"', required=True),
+        Key("above", NUMBER, "The signal is greater than this", "0.5e-3", otherwise="`below`", is_other=True),
+        Key("below", NUMBER, "The signal is less than this", "0.1e-3", otherwise="`above`"),
+        Key("for", POSITIVE, "It has been so for this time [s], whole base steps", "1e-3", otherwise="at once"),
+        Key("after", NUMBER, "It counts from this time on [s], a base step", "20e-3", otherwise="from the start"),
+        Key("again", TRUTH, "After the event it counts again, once it has not held", "true", default=False),
+    ),
+    at="[events.offset.when]",
+    before='[events.offset]\ntarget = "semera.current"\naction = "stuck"\nduration = 2e-3\n',
+)
+EVENT = Section(
+    "[events.<event>]",
+    "Something that happens to a signal or a tunable parameter during a run: from `at` or from where a condition "
+    "holds, until `until` or for `duration`, or to the end. Several on one target act in the order of the file.",
+    (
+        Key(
+            "target",
+            TEXT,
+            "`component.variable`: an input, whatever drives it; an output, for all inputs that it drives; or a "
+            "tunable parameter",
+            '"semera.current"',
+            required=True,
+        ),
+        Key("action", TEXT, "What happens, see below", '"bias"', required=True, choices=tuple(ACTIONS)),
+        Key("value", SCALAR, "How much, in the unit of the target", "20e-3", otherwise="not needed"),
+        Key("over", POSITIVE, "Time [s] in which it grows from nothing", "5e-3", otherwise="at once"),
+        Key("at", NUMBER, "Begin [s], a base step", "30e-3", otherwise="`when`"),
+        Key(
+            "until",
+            NUMBER,
+            "End [s], a base step",
+            "50e-3",
+            otherwise="`duration`, or to the end",
+        ),
+        Key(
+            "duration",
+            POSITIVE,
+            "How long [s], whole base steps",
+            "10e-3",
+            otherwise="`until`, or to the end",
+            is_other=True,
+        ),
+        Key("when", TABLE, "Condition", otherwise="`at`", section=WHEN),
+        Key("seed", INDEX, "Of `noise`; run i of a sweep adds i", "7", default=0, is_other=True),
+        Key("enabled", TRUTH, "`false`: it does not happen", "true", default=True),
+        Key("description", TEXT, "What it stands for", '"Offset of the current sensor"', default=""),
+    ),
+    at="[events.offset]",
+)
+EVENTS = Section(
+    "[events]",
+    "The events by name.",
+    free=Key("<event>", TABLE, "An event", section=EVENT, pattern=NAME),
+)
+
+
+# Every key of a scenario file as data: what the loader asks for, and what its documentation is made of.
 
 
 def always(name: str, text: str) -> bool:
@@ -231,7 +291,7 @@ SWEEP = Section(
         is_path=is_file,
     ),
 )
-RECORD = Section(
+RECORDING = Section(
     "[record]",
     "What is written at which steps.",
     (
@@ -362,7 +422,7 @@ FILE = Section(
         Key("events", TABLE, "What happens during a run", section=EVENTS),
         Key("seeds", TABLE, "Seeds", section=SEEDS),
         Key("sweep", TABLE, "Sweep", section=SWEEP),
-        Key("record", TABLE, "Recording", section=RECORD),
+        Key("record", TABLE, "Recording", section=RECORDING),
         Key("metrics", TABLE, "Metrics", section=METRICS),
         Key("baseline", TABLE, "Baseline", section=BASELINE),
         Key("variants", TABLE, "Variants", section=VARIANTS),

@@ -1,40 +1,310 @@
-"""Read a scenario file into records, noting every problem of the file and its parameter sets."""
+"""Read a scenario, a file or the same tables made by a program, into records; every problem of it is noted."""
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
+from shlex import quote
 from typing import Any, TypeVar
 
 import numpy as np
 
-from gapsense._os.files import SHOWN, Sheet, no_numbers, number, read_sheet, split_header
-from gapsense._os.plain_files import LONGEST_NAME, unfit
-from gapsense.cosim.events.event import SECTION, Event
-from gapsense.cosim.events.read import read_events
-from gapsense.cosim.scenario.document import OVER, Changes, Document, Source, read_document
-from gapsense.cosim.scenario.elements import Component, Experiment, Port
-from gapsense.cosim.scenario.input_signals import Played, Vector
-from gapsense.cosim.scenario.keys import COMPONENT, EXPERIMENT, FILE, SIGNAL, VARIANT
-from gapsense.cosim.scenario.read_sections import (
-    Grid,
-    Rows,
-    RowsColumns,
-    by_port,
-    read_baseline,
-    read_connections,
-    read_metrics,
-    read_record,
-    read_sweep,
+from gapsense._os.files import (
+    LONGEST_NAME,
+    SHOWN,
+    Sheet,
+    no_numbers,
+    number,
+    read_bytes,
+    read_sheet,
+    split_header,
+    unfit,
 )
-from gapsense.cosim.scenario.records import MOST_STEPS, NAME, Scenario
-from gapsense.parameters import is_file, located_values, read_parameters
+from gapsense.cosim.result.metrics import KINDS
+from gapsense.cosim.scenario.keys import (
+    BASELINE,
+    COMPONENT,
+    CONNECTION,
+    EVENT,
+    EXPERIMENT,
+    FILE,
+    METRIC,
+    RECORDING,
+    SIGNAL,
+    SWEEP,
+    TOLERANCE,
+    VARIANT,
+    WHEN,
+)
+from gapsense.cosim.scenario.records import (
+    ACTIONS,
+    MOST_RUNS,
+    MOST_STEPS,
+    NAME,
+    NEEDED,
+    SECTION,
+    Baseline,
+    Component,
+    Connection,
+    Event,
+    Experiment,
+    Metric,
+    Played,
+    Port,
+    Record,
+    RowsColumn,
+    Scenario,
+    Tolerance,
+    Vector,
+    When,
+    product,
+)
+from gapsense.parameters import is_file, located, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import INDEX, SCALAR, Table, Value, flattened
+from gapsense.shipped import example, examples
+from gapsense.tables import (
+    INDEX,
+    LIST,
+    SCALAR,
+    TABLES,
+    TEXT,
+    Kind,
+    Table,
+    Value,
+    flattened,
+    merged,
+    parsed_value,
+    read_toml,
+)
+
+CAMPAIGN_FILE = "campaign.sqlite"
+SCENARIO, STUDY, RESULT, RECORD, REPORTED, CAMPAIGN = "scenario", "study", "result", "record", "reported", "campaign"
+TAKEN = {  # kinds that are right, by what is expected
+    SCENARIO: ("scenario",),
+    STUDY: ("study",),
+    RESULT: ("result", "table"),
+    RECORD: ("result", "table"),
+    REPORTED: ("result", "table", "sweep", "campaign"),
+    CAMPAIGN: ("campaign",),
+}
+CAMPAIGNS = "gapsense campaign show {%s}` or `gapsense report {%s}"
+WORDS = {  # what it is, and what to do
+    "campaign": ("the folder of a campaign's result", f"See it with `{CAMPAIGNS % ('path', 'path')}`"),
+    "store": ("a file of a campaign's result", f"Name its folder: `{CAMPAIGNS % ('folder', 'folder')}`"),
+    "ledger": ("what a sweep goes on from", "Name the table beside it: `gapsense report {table}`"),
+    "sweep": ("the table of a sweep", "See it with `gapsense report {path}`"),
+    "sidecar": ("the side-car of a result", "Name the CSV file beside it, `{table}`"),
+    "result": ("the result of a run", "See it with `gapsense figure {path}` or `gapsense report {path}`"),
+    "table": ("a CSV file", "Of a record of measurements `gapsense inspect {path}` tells what there is"),
+    "fmu": ("an FMU", "See its ports with `gapsense info {path}`"),
+    "checkpoint": ("the checkpoint of a run", "`gapsense run SCENARIO --resume` goes on from it"),
+    "study": ("the study of a campaign", "Run it with `gapsense campaign {path}`"),
+    "scenario": ("a scenario", "Run it with `gapsense run {path}`"),
+    "picture": ("a picture or a page", "Name what it was made of"),
+    "parquet": ("a Parquet file", "Name a CSV file, or the folder of a campaign"),
+    "json": ("a JSON file", "Name a CSV file, or the folder of a campaign"),
+}
+ENDINGS = {
+    ".fmu": "fmu",
+    ".checkpoint": "checkpoint",
+    ".parquet": "parquet",
+    **dict.fromkeys((".png", ".pdf", ".svg", ".html"), "picture"),
+}
+
+
+def other_kind(path: Path, expected: str) -> str:
+    """Sentence on what is there if that is surely not what is expected, with the command that is right for it."""
+    kind = kind_of(path)
+    if not kind or kind in TAKEN[expected]:
+        return ""
+    what, remedy = WORDS[kind]
+    places = {"path": path, "folder": path.parent, "table": path.with_suffix(".csv")}
+    named = {name: quote(str(place)) for name, place in places.items()}  # commands are to be copied
+    return f"`{path}`: it is {what}. {remedy.format(**named)}."
+
+
+def kind_of(path: Path) -> str:
+    """Kind of a file or folder, by its name and by what stands beside it; nothing if it may be anything."""
+    ending = path.suffix.lower()
+    if path.is_dir():
+        return "campaign" if (path / CAMPAIGN_FILE).is_file() else ""
+    if not path.is_file():
+        return ""
+    if ending == ".sqlite":
+        return "store" if path.name == CAMPAIGN_FILE else "ledger"
+    if ending == ".csv":
+        return {"result": "result", "sweep": "sweep"}.get(format_of(path.with_suffix(".json")), "table")
+    if ending == ".json":
+        return {"result": "sidecar", "sweep": "sidecar", "campaign": "json"}.get(format_of(path), "json")
+    if ending == ".toml":
+        data = read_toml(path, []) or {}
+        return "scenario" if "components" in data else "study" if isinstance(data.get("scenario"), str) else ""
+    return ENDINGS.get(ending, "")
+
+
+def format_of(file: Path) -> str:
+    """What a JSON file of ours is of: a result, a sweep, a campaign; nothing for another file."""
+    try:
+        data = json.loads(read_bytes(file))
+    except (OSError, ValueError):
+        return ""
+    words = str(data.get("format", "") if isinstance(data, dict) else "").split()
+    return words[1] if len(words) == 3 and words[0] == "gapsense" else ""
+
+
+# What a scenario says before it is read: a file, or the same tables made by a program, and values laid over it.
+
+
+OVER = "--set"  # on the command line, and as the place of a value in messages
+
+
+@dataclass(frozen=True)
+class Document:
+    """Tables of a scenario; `path` is its file, or, of one that has none, its name in the folder of its other files."""
+
+    path: Path
+    data: Mapping[str, Any]
+    changes: Mapping[str, Any] = field(default_factory=dict)  # values by `component.variable`, over all others
+    is_file: bool = False  # as it stands in `path`
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario: that of its file's folder, or its own."""
+        path = self.path.resolve()
+        return path.parent.name if self.is_file or path.suffix == ".toml" else path.name
+
+    @property
+    def hashes(self) -> dict[str, str]:
+        """Hashes of what stands in no file."""
+        parts = {"changes": self.changes, "content": {} if self.is_file else self.data}
+        return {
+            part: hashlib.sha256(json.dumps(tables).encode()).hexdigest() for part, tables in parts.items() if tables
+        }
+
+    def with_variant(self, variant: str | None, problems: list[str]) -> Document | None:
+        """The document with one of its variants laid over it, or None after noting that there is none."""
+        if variant is None:
+            return self
+        variants = self.data.get("variants")
+        if not isinstance(variants, dict) or not isinstance(variants.get(variant), dict):
+            known = variants if isinstance(variants, dict) else {}
+            problems.append(f"{self.path.name}: there is no variant `{variant}`. {suggest(variant, known)}")
+            return None
+        base = {key: value for key, value in self.data.items() if key != "variants"}
+        return replace(self, data=merged(base, variants[variant]) | {"variants": variants})
+
+
+Source = str | Path | Document  # of a scenario: its file or folder, or its content
+
+
+def scenario_file(source: Source) -> Path:
+    """The scenario file itself, also if its folder, its content, or the name of an example is given.
+
+    An example counts where there is no such file.
+    """
+    if isinstance(source, Document):
+        return source.path
+    path = Path(source)
+    file = path / "scenario.toml" if path.is_dir() else path
+    folder = None if file.exists() else example(path)
+    return folder / "scenario.toml" if folder else file
+
+
+def missing(path: Path) -> str:
+    """Sentence on a scenario that there is not, with one that was perhaps meant, or what its folder is."""
+    folder = path.parent
+    if path.name == "scenario.toml" and (wrong := other_kind(folder, SCENARIO)):
+        return wrong
+    beside = [file.name for file in folder.glob("*.toml")]
+    around = [file.parent.name for file in folder.glob("*/scenario.toml")] + (examples() if folder == Path() else [])
+    near = get_close_matches(path.name, sorted({*beside, *around}), n=1)
+    hint = f"Did you mean `{folder / near[0]}`?" if near else "Correct the path."
+    return f"{path}: there is no such file. {hint}"
+
+
+def read_document(source: Source, problems: list[str]) -> Document | None:
+    """Content of a scenario file, or None after noting why it cannot be read."""
+    if isinstance(source, Document):
+        return source
+    path = scenario_file(source)
+    if wrong := other_kind(path, SCENARIO) if path.exists() else missing(path):
+        problems.append(wrong)
+        return None
+    data = read_toml(path, problems)
+    return None if data is None else Document(path, data, is_file=True)
+
+
+# Values laid over a scenario from outside: `--set component.variable=value`.
+
+
+def changed(source: Source, settings: Sequence[str]) -> Source:
+    """A scenario with values laid over it that are written as on the command line.
+
+    Parameters
+    ----------
+    source : str, Path or Document
+        The scenario.
+    settings : sequence of str
+        As `valve.damping=0.4`. What TOML does not take as a value is a text; files are relative to the working folder.
+
+    Returns
+    -------
+    str, Path or Document
+        The scenario itself where there is nothing to lay over it.
+    """
+    if not settings:
+        return source
+    problems: list[str] = []
+    changes: dict[str, Any] = {}
+    for setting in settings:
+        name, equals, text = (part.strip() for part in setting.partition("="))
+        if not all((equals, *name.partition("."))):
+            problems.append(f"{OVER}, {setting}: `component.parameter=value` expected. Correct it.")
+        elif name in changes:
+            problems.append(f"{OVER}, {name}: given twice. Keep one.")
+        changes[name] = parsed_value(text)
+    document = read_document(source, problems)
+    if problems or document is None:
+        raise ScenarioError(problems)
+    return replace(document, changes={**document.changes, **changes})
+
+
+class Changes:
+    """Values laid over a scenario: first come those of inputs and seeds that it states, the others are parameters."""
+
+    def __init__(self, given: Mapping[str, Any], problems: list[str]) -> None:
+        self.left = dict(given)
+        self.table = Table(given, OVER, "", problems)
+
+    def instead(self, names: Iterable[str], kind: Kind) -> dict[str, Any]:
+        """Values of that kind instead of what the scenario states under these names."""
+        return self.popped([name for name in names if name in self.left]).flat(kind)
+
+    def parameters(self, component: str) -> dict[str, Value]:
+        """Values for the parameters of a component."""
+        head = f"{component}."
+        mine = self.popped([name for name in self.left if name.startswith(head)])
+        return {name.removeprefix(head): value for name, value in located_values(mine, Path()).items()}
+
+    def popped(self, names: Iterable[str]) -> Table:
+        """Values that nobody else gets."""
+        return self.table.child({name: self.left.pop(name) for name in names}, "")
+
+    def finish(self, components: Iterable[str]) -> None:
+        """Note what names no component."""
+        for name in self.left:
+            component = name.partition(".")[0]
+            self.table.note(name, f"there is no component `{component}`. {suggest(component, components)}")
+
+
+# Read a scenario file into records, noting every problem of the file and its parameter sets.
+
 
 KEYS = tuple(key.name for key in SIGNAL.keys)
 TIME = "time"
@@ -364,3 +634,317 @@ def is_finite(text: str) -> bool:
     """True for the text of a finite number."""
     value = number(text)
     return value is not None and math.isfinite(value)
+
+
+# Read the sections of a scenario that name ports and signals: what is wired, swept, recorded and held against.
+
+
+Grid = dict[Port, tuple[Value, ...]]
+Rows = tuple[dict[Port, Value], ...]
+RowsColumns = dict[Port, RowsColumn]
+TRUTH = {"true": True, "false": False}
+WHOLE = re.compile(r"[+-]?\d{1,15}")
+EXPECTED = "A CSV file with a column per parameter is expected. Correct it."
+ROWS = "rows"  # of `[sweep]`: a file, no parameter
+
+
+def read_connections(table: Table) -> tuple[Connection, ...]:
+    """Connections: those of `[connect]`, target = source, then those of `[[connections]]`."""
+    connect = table.table("connect")
+    sources = by_port(connect, connect.flat(TEXT))
+    ends = [(split(connect, str(target), source), target) for target, source in sources.items()]
+    short = [Connection(source, target, place=connect.at(str(target))) for source, target in ends if source]
+    items = table.take("connections", TABLES, [])
+    long = [read_connection(table.child(item, f"connections[{index}]")) for index, item in enumerate(items)]
+    return (*short, *(connection for connection in long if connection))
+
+
+def read_connection(table: Table) -> Connection | None:
+    """One connection of the long form, or None if it lacks an end."""
+    own = table.read(CONNECTION)
+    source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
+    how = (own["factor"], own["bias"], own["unit"], own["delayed"])
+    return Connection(source, target, *how, place=table.place) if source and target else None
+
+
+def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows, RowsColumns]:
+    """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
+    sweep = table.table("sweep")
+    file = sweep.read(SWEEP)[ROWS]
+    lists = sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, "").flat(LIST)
+    for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
+        sweep.note(name, "the same value is given twice. Remove one.")
+        del lists[name]
+    grid = {n: tuple(located(n, value, folder, sweep) for value in values) for n, values in lists.items()}
+    files += [Path(str(value)) for name, values in grid.items() for value in values if is_file(name, value)]
+    rows, columns = Rows(), RowsColumns()
+    if file is not None:
+        files.append(folder / file)
+        rows, columns = read_rows(folder / file, sweep, files, {SECTION, *table.table("components").data})
+    sizes = [len(rows or ({},)), *map(len, grid.values())]
+    if math.prod(sizes) > MOST_RUNS:
+        sweep.note("", f"{product(sizes)} combinations found, at most {MOST_RUNS} expected. Shorten something.")
+        grid = {}
+    return by_port(sweep, grid), rows, columns
+
+
+def read_rows(path: Path, sweep: Table, files: list[Path], components: Collection[str]) -> tuple[Rows, RowsColumns]:
+    """Values that belong together, from a CSV file with a column per parameter and a row per run; notes their files.
+
+    A file without the name of a component in its first line is something else: no message quotes it.
+    """
+    problems: list[str] = []
+    try:
+        sheet = read_sheet(path, problems)
+    except OSError as error:
+        sweep.note(ROWS, f"{path}: {error.strerror}. {EXPECTED}")
+        return (), {}
+    if not sheet.is_table and not any(name.partition(".")[0] in components for name in sheet.names):
+        sweep.note(ROWS, f"{path}, line 1: no column is called as a parameter of a component. {EXPECTED}")
+        return (), {}
+    values = [
+        [cell_value(sheet, i, j, problems, files) for j in range(len(sheet.names))] for i in range(len(sheet.rows))
+    ]
+    twice = [name for name, _ in flattened(sweep.data) if name in sheet.names]
+    problems += [f"`{name}` is given in {path.name} and in `[sweep]` too. Keep one." for name in twice]
+    problems += [] if values or problems else [f"{path.name} has no rows. Add one per run."]
+    for problem in problems:
+        sweep.note(ROWS, problem)
+    ends = [split(sweep, ROWS, name) for name in sheet.names]
+    lines = tuple(sheet.lines)
+    columns = {end: RowsColumn(path.name, j, sheet.units[j - 1], lines) for j, end in enumerate(ends, 1) if end}
+    return tuple({end: value for end, value in zip(ends, row) if end} for row in values), columns
+
+
+def cell_value(sheet: Sheet, i: int, j: int, problems: list[str], files: list[Path]) -> Value:
+    """Number, truth value or text of a cell, as in a list of `[sweep]`; a file is found from the sheet's folder on."""
+    text = sheet.rows[i][j].strip()
+    if text.lower() in TRUTH:
+        return TRUTH[text.lower()]
+    value = number(text)
+    if value is not None and math.isfinite(value):
+        return int(text) if WHOLE.fullmatch(text) else value
+    if value is not None or not text:
+        problems.append(f"{sheet.place(i, j)}: `{text}` found, {SCALAR.name} expected. Correct it.")
+    if not is_file(sheet.names[j], text):
+        return text
+    file = (sheet.path.parent / text).resolve()
+    if not file.is_file():
+        problems.append(f"{sheet.place(i, j)}: there is no file `{file}`. Correct the path; it is from this file on.")
+    files.append(file)
+    return str(file)
+
+
+def by_port(table: Table, values: Mapping[str, T]) -> dict[Port, T]:
+    """Values by port instead of by name; what names none is noted."""
+    ends = {name: split(table, name, name) for name in values}
+    return {end: values[name] for name, end in ends.items() if end}
+
+
+def split(table: Table, key: str, name: str) -> Port | None:
+    """`component.variable` cut at its first dot."""
+    component, _, variable = name.partition(".")
+    if component and variable:
+        return Port(component, variable)
+    table.note(key, f"`{name}` found, `component.variable` expected. Correct the name.")
+    return None
+
+
+def read_record(table: Table) -> Record:
+    """Signals to record; all inputs and outputs if the section is missing."""
+    record = table.table("record").read(RECORDING)
+    return Record(tuple(record["signals"]), record["decimation"])
+
+
+def read_metrics(table: Table) -> tuple[Metric, ...]:
+    """Metrics in the order of the file."""
+    metrics = table.table("metrics")
+    read = [read_metric(metrics.table(name), name) for name in metrics.data]
+    return tuple(metric for metric in read if metric is not None)
+
+
+def read_metric(table: Table, name: str) -> Metric | None:
+    """One metric, or None if its kind or signal is missing."""
+    own = table.read(METRIC)
+    after, before, bounds = own["after"], own["before"], own["bounds"]
+    if after is not None and before is not None and after >= before:
+        table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
+    if own["kind"] is None or own["signal"] is None or not reference_fits(table, own["kind"], own["reference"]):
+        return None
+    span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
+    label = name if own["label"] is None else own["label"]
+    return Metric(**{**own, "name": name, "bounds": span, "label": label})
+
+
+def reference_fits(table: Table, kind: str, reference: str | float | None) -> bool:
+    """True if a metric of this kind has the reference it needs, and none that it does not use."""
+    use, given = KINDS[kind].reference, reference is not None
+    if use == "axis" and not isinstance(reference, str):
+        problem = f"`{kind}` is of the curve over another signal. Name that signal."
+    elif use == "required" and not given and "reference" not in table.data:
+        problem = f"missing; `{kind}` compares with a signal, a parameter or a number. Add it."
+    elif use == "none" and given:
+        problem = f"`{kind}` uses no reference. Remove it."
+    else:
+        return True
+    table.note("reference", problem)
+    return False
+
+
+def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
+    """Reference trajectory; a variant that names no file of its own has `baseline.<variant>.csv`.
+
+    A section that names a file states that one; without a file it states one of each variant that is tested.
+    """
+    baseline = table.table("baseline")
+    default = f"baseline.{variant}.csv" if variant else "baseline.csv"
+    given = baseline.read(BASELINE)
+    file = given["file"] or default
+    own = table.data["variants"][variant].get("baseline") if variant else None
+    if variant and not (isinstance(own, dict) and "file" in own):
+        file = default
+    tolerance = Tolerance(given["rtol"], given["atol"], given["edge_steps"])
+    exceptions = baseline.table("tolerances")
+    tolerances = {name: read_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
+    chosen = None if given["signals"] is None else tuple(given["signals"])
+    declared = "baseline" in table.data and (not variant or own is not None or given["file"] is None)
+    return Baseline(
+        file=path.parent / file,
+        signals=chosen,
+        tolerance=tolerance,
+        tolerances=tolerances,
+        declared=declared,
+        decimation=given["decimation"],
+    )
+
+
+def read_tolerance(table: Table, default: Tolerance) -> Tolerance:
+    """Tolerance of a table, each part by default that of the table around it."""
+    own = {key: value for key, value in table.read(TOLERANCE).items() if value is not None}
+    return replace(default, **own)
+
+
+# Read `[events]`, from a file or with the values that a sweep or `--set` lays over it.
+
+
+Events = Mapping[str, Event]
+
+
+def read_events(table: Table, changes: Mapping[str, Any]) -> dict[str, Event]:
+    """Events in the order of the file; `changes` are values of their keys by `event.key`."""
+    events = table.table(SECTION)
+    good = [name for name in events.data if re.fullmatch(NAME, name)]
+    for name in [name for name in events.data if name not in good]:
+        events.note(name, "an event's name is letters, digits and `_`, not starting with a digit. Rename it.")
+    read = {name: read_event(events.table(name), name, own(changes, name)) for name in good}
+    for name in [name for name in changes if name.partition(".")[0] not in good]:
+        events.note(name, unknown(name, good))
+    return {name: event for name, event in read.items() if event}
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """Sentence for the key of an event that there is not."""
+    return f"there is no event `{name.partition('.')[0]}`. {suggest(name.partition('.')[0], known)}"
+
+
+def own(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Values for one event, by key."""
+    head = f"{name}."
+    return {key.removeprefix(head): value for key, value in values.items() if key.startswith(head)}
+
+
+def read_event(table: Table, name: str, changes: Mapping[str, Any]) -> Event | None:
+    """One event, or None after noting why there is none."""
+    table = table.child(laid_over(table.data, changes), "") if changes else table
+    before, given = len(table.problems), table.read(EVENT)
+    when = read_when(table.table("when")) if "when" in table.data else None
+    target = None if given["target"] is None else split(table, "target", given["target"])
+    note_actions(table, given)
+    note_times(table, given)
+    if target is None or given["action"] is None or len(table.problems) > before:
+        return None
+    times = {key: as_float(given[key]) for key in ("over", "at", "until", "duration")}
+    return Event(name=name, **{**given, **times, "target": target, "when": when, "given": dict(table.data)})
+
+
+def laid_over(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A table of an event with other values of its keys, `when.above` too."""
+    flat = {**dict(flattened(data)), **changes}
+    when = {key.removeprefix("when."): value for key, value in flat.items() if key.startswith("when.")}
+    return {**{key: value for key, value in flat.items() if "." not in key}, **({"when": when} if when else {})}
+
+
+def as_float(value: Any) -> float | None:
+    """A number as a float."""
+    return None if value is None else float(value)
+
+
+def read_when(table: Table) -> When | None:
+    """A condition, or None after noting why there is none."""
+    given = table.read(WHEN)
+    signal = None if given["signal"] is None else split(table, "signal", given["signal"])
+    sides = [key for key in ("above", "below") if key in table.data]
+    if len(sides) != 1:
+        found = "neither found" if not sides else "both found"
+        table.note("", f"{found}, either `above` or `below` expected. Give one of both.")
+        return None
+    level = given[sides[0]]
+    if signal is None or level is None:
+        return None
+    return When(
+        signal=signal,
+        level=float(level),
+        is_above=sides[0] == "above",
+        lasting=given["for"] or 0.0,
+        after=given["after"],
+        again=given["again"],
+    )
+
+
+def note_actions(table: Table, given: Mapping[str, Any]) -> None:
+    """Note a value, a time or a seed that the action needs or does not use."""
+    name = given["action"]
+    if name is None:
+        return
+    action = ACTIONS[name]
+    if action.value and "value" not in table.data:
+        table.note("value", f"missing; `{name}` needs {action.value}. Add it.")
+    if not action.value and "value" in table.data:
+        table.note("value", f"`{name}` has no value. Remove it.")
+    elif name != "set" and isinstance(given["value"], (str, bool)):
+        table.note("value", f"{given['value']!r} found, `{name}` needs a number. Correct it.")
+    elif name == "noise" and (given["value"] or 0.0) < 0.0:
+        table.note("value", f"{given['value']} found, a standard deviation is not below 0. Correct it.")
+    if action.over == NEEDED and "over" not in table.data:
+        table.note("over", f"missing; `{name}` needs the time that it takes [s]. Add it.")
+    if not action.over and "over" in table.data:
+        table.note("over", f"`{name}` begins at once. Remove it, or use `ramp`.")
+    if name != "noise" and "seed" in table.data:
+        table.note("seed", f"`{name}` is not random. Remove it.")
+
+
+def note_times(table: Table, given: Mapping[str, Any]) -> None:
+    """Note times that are missing or contradict each other."""
+    at, until = given["at"], given["until"]
+    starts = [key for key in ("at", "when") if key in table.data]
+    if len(starts) != 1:
+        found = "neither found" if not starts else "both found"
+        table.note("", f"{found}, either `at` or `when` expected. Give one of both.")
+    if "until" in table.data and "duration" in table.data:
+        table.note("duration", "`until` says it too. Keep one.")
+    if "until" in table.data and "when" in table.data:
+        table.note("until", "an event with `when` lasts for a `duration`, or to the end of the run. Use that.")
+    if at is not None and until is not None and at >= until:
+        table.note("until", f"`at` is {at:.9g} s and `until` is {until:.9g} s. Let `at` be the smaller one.")
+    again = isinstance(table.data.get("when"), dict) and table.data["when"].get("again") is True
+    if again and "duration" not in table.data:
+        table.note("when.again", "an event that lasts to the end of the run happens once. Add `duration`.")
+
+
+def varied(events: Events, values: Mapping[Port, Value], problems: list[str]) -> Events:
+    """The events with the values that a sweep gives their keys; what is wrong with these is noted."""
+    changes = {port.variable: value for port, value in values.items() if port.component == SECTION}
+    if not changes:
+        return events
+    table = Table({SECTION: {name: event.given for name, event in events.items()}}, "sweep", "", problems)
+    return read_events(table, changes)

@@ -1,17 +1,289 @@
-"""What a scenario says, as records. `read.py` reads them from a file, `cosim/check` holds them against the FMUs."""
+"""What a scenario says, as records, with what follows from them: points of a sweep, signals, execution order.
+
+`read.py` reads them from a file, `check.py` holds them against the FMUs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fnmatch import translate
 from math import prod
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from gapsense.cosim.events.event import Event
-from gapsense.cosim.scenario.elements import Component, Connection, Experiment, Port
-from gapsense.cosim.scenario.input_signals import Played
+import numpy as np
+import numpy.typing as npt
+
+from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
 from gapsense.tables import LONGEST, Value, is_number
+
+FAR = 2.0**53  # base steps, more than any run has: what is farther away is not told apart
+STEP_LIMIT = 60.0  # [s]
+
+
+class Port(NamedTuple):
+    """A variable of a component, written `component.variable` (the variable may itself contain dots)."""
+
+    component: str
+    variable: str
+
+    def __str__(self) -> str:
+        return f"{self.component}.{self.variable}"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Time grid `start + k * base_step` [s], k from 0 to `count`, and how values are exchanged on it."""
+
+    start: float
+    stop: float
+    base_step: float
+    count: int
+    method: str = "gauss-seidel"
+    pace: float | None = None  # simulated seconds per second of wall time; None: as fast as possible
+    isolation: str = "none"  # or the run is in a process of its own
+    step_limit: float = STEP_LIMIT  # wall time [s] of one step of a component in another process
+
+    def time(self, index: int) -> float:
+        """Time of base step `index` [s], computed by multiplication so that errors do not add up."""
+        return self.start + index * self.base_step
+
+
+@dataclass(frozen=True)
+class Component:
+    """One FMU instance; its step and offset are in base steps."""
+
+    name: str
+    fmu: str
+    step: int = 1
+    offset: int = 0
+    values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
+    origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
+    sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)  # names in its parameter sets, see `taken`
+    isolation: str = "none"  # or the instance is in a process of its own
+
+
+@dataclass(frozen=True)
+class Connection:
+    """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where it is written.
+
+    A connection that is `delayed` carries the value of one step before: its target steps before its source.
+    """
+
+    source: Port
+    target: Port
+    factor: float | None = None
+    bias: float | None = None
+    unit: str | None = None
+    delayed: bool = False
+    place: str = ""
+
+    @property
+    def converts(self) -> bool:
+        """True if the connection states a conversion, and so may join different units."""
+        return self.factor is not None or self.bias is not None
+
+    def __str__(self) -> str:
+        return f"{self.source} -> {self.target}"
+
+
+# Times of events on the grid of base steps.
+
+
+def nearest(steps: float) -> int:
+    """The whole number of base steps nearest to another one."""
+    return round(max(-FAR, min(steps, FAR)))
+
+
+def index_of(time: float, experiment: Experiment) -> int:
+    """The base step nearest to a time [s]."""
+    return nearest((time - experiment.start) / experiment.base_step)
+
+
+def is_on_grid(time: float, experiment: Experiment) -> bool:
+    """True if a time [s] is that of a base step up to rounding."""
+    slack = 1e-9 * experiment.base_step + 1e-15 * (abs(experiment.start) + abs(time))
+    return abs(experiment.time(index_of(time, experiment)) - time) <= slack
+
+
+def steps_of(length: float | None, experiment: Experiment) -> int:
+    """A length of time [s] in base steps; 0 for none."""
+    return 0 if length is None else nearest(length / experiment.base_step)
+
+
+def neighbours(time: float, experiment: Experiment) -> tuple[float, float]:
+    """Times of the base steps before and after a time [s] between them."""
+    k = index_of(time, experiment)
+    first = k if experiment.time(k) < time else k - 1
+    return experiment.time(first), experiment.time(first + 1)
+
+
+# What a scenario says of an event, as records, and what actions there are.
+
+
+Buffer = npt.NDArray[np.float64]
+TIMES = ("at", "until", "duration", "over", "when.for", "when.after")  # keys in seconds
+NEEDED, MAY_BE = "needed", "may be given"
+SECTION = "events"  # of the file; in a sweep it stands where others have a component
+
+
+class Action(NamedTuple):
+    """What an event does to its target, and what it needs for that."""
+
+    what: str
+    value: str = ""  # what `value` is, empty where there is none
+    over: str = ""  # NEEDED, MAY_BE, or empty where it takes no time
+    on_parameter: bool = True
+    only_real: bool = True
+    remembers: bool = False  # needs the value that there was just before
+
+
+ACTIONS: Mapping[str, Action] = {
+    "set": Action("has the value", "the value", only_real=False),
+    "ramp": Action("goes in a straight line from what it was to the value", "its last value", NEEDED, remembers=True),
+    "bias": Action("is shifted by the value", "what is added", MAY_BE),
+    "scale": Action("is multiplied by the value", "the factor", MAY_BE),
+    "stuck": Action("stays what it was", on_parameter=False, only_real=False, remembers=True),
+    "dropout": Action("is NaN: the sample was lost", on_parameter=False),
+    "noise": Action("has normal noise added", "its standard deviation"),
+}
+
+
+@dataclass(frozen=True)
+class When:
+    """A condition: the signal is above (or below) a level, for some time [s], counted from a time [s] on."""
+
+    signal: Port
+    level: float
+    is_above: bool
+    lasting: float = 0.0
+    after: float | None = None
+    again: bool = False  # it counts again after the event, once it has not held
+
+
+@dataclass(frozen=True)
+class Event:
+    """One action on an input, an output or a tunable parameter from `at` [s], or from where a condition holds.
+
+    It lasts until `until` [s], or for `duration` [s], or to the end of the run. `given` is its table in the file.
+    """
+
+    name: str
+    target: Port
+    action: str
+    value: Value | None = None
+    over: float | None = None  # [s]
+    at: float | None = None
+    until: float | None = None
+    duration: float | None = None
+    when: When | None = None
+    seed: int = 0
+    enabled: bool = True
+    description: str = ""
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_random(self) -> bool:
+        """True if each sample has a random number of its own."""
+        return self.action == "noise"
+
+    @property
+    def seed_name(self) -> str:
+        """Its name among the seeds of a run."""
+        return f"{SECTION}.{self.name}"
+
+
+def resolved(events: Mapping[str, Event], connections: Iterable[Connection]) -> dict[str, Event]:
+    """Events with one input or parameter each: one on an output is one on each input that this drives."""
+    driven: dict[Port, list[Port]] = {}
+    for connection in connections:
+        driven.setdefault(connection.source, []).append(connection.target)
+    found: dict[str, Event] = {}
+    for name, event in events.items():
+        targets = driven.get(event.target)
+        more = {f"{name} {target}": replace(event, target=target) for target in targets or ()}
+        found.update(more or {name: event})
+    return found
+
+
+class Span(NamedTuple):
+    """When an event was on: begin and end [s]; None for one that was still on at the end of the run."""
+
+    name: str
+    target: str
+    action: str
+    begin: float
+    end: float | None
+
+
+def unit_of_key(key: str, event: Event, descriptions: Descriptions) -> str:
+    """Unit of a key of an event, empty where it has none."""
+    if key in TIMES:
+        return "s"
+    if key == "value":
+        port = None if event.action == "scale" else event.target
+    else:
+        port = event.when.signal if event.when and key in ("when.above", "when.below") else None
+    if port is None:
+        return ""
+    return descriptions[port.component].variables[port.variable].unit or ""
+
+
+# Conditions on signals, which the loop over base steps looks at: it comes back when one begins or ends to hold.
+
+
+@dataclass
+class Watch:
+    """Whether the value in a place of the buffer is above (or below) a level, as it was known last."""
+
+    place: int
+    level: float
+    is_above: bool
+    is_on: bool = False  # somebody wants to know
+    holds: bool = False
+
+    def look(self, buffer: Buffer) -> bool:
+        """True if the condition holds now; NaN is neither above nor below."""
+        value = buffer[self.place]
+        return bool(value > self.level if self.is_above else value < self.level)
+
+
+def reporter(watches: Sequence[Watch], buffer: Buffer) -> Callable[[], bool]:
+    """Function that says if there is news of some conditions."""
+    return lambda: any(watch.is_on and watch.look(buffer) != watch.holds for watch in watches)
+
+
+# Signals of the scenario that inputs follow: samples, and what holds between them.
+
+
+Vector = npt.NDArray[np.float64]
+INTERPOLATIONS = ("linear", "hold")
+SLACK = 1e-9  # of a base step: a sample due at the same time up to rounding has its value
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """Values at rising times; between them they are interpolated, or each holds until the next."""
+
+    times: Vector  # [s]
+    values: Vector
+    interpolation: str = INTERPOLATIONS[0]
+    unit: str = ""  # that a file says
+
+    def at(self, times: Vector, slack: float = 0.0) -> Vector:
+        """Values at some times within the samples."""
+        if self.interpolation == "linear":
+            between: Vector = np.interp(times, self.times, self.values)
+            return between
+        places = np.searchsorted(self.times, times + slack, side="right") - 1
+        held: Vector = self.values[np.clip(places, 0, None)]
+        return held
+
+
+# What a scenario says, as records. `read.py` reads them from a file, `cosim/check` holds them against the FMUs.
+
 
 MOST_RUNS = 10**7  # of a sweep or a campaign
 
@@ -187,3 +459,145 @@ class Scenario:
         """All values that a sweep gives each parameter."""
         of_rows = {port: tuple(row[port] for row in self.rows) for port in (self.rows[0] if self.rows else ())}
         return {**of_rows, **self.grid}
+
+
+# Signals of a scenario, inputs and outputs of its components, and the patterns that select them.
+
+
+def ports(descriptions: Descriptions) -> dict[Port, Variable]:
+    """Every input and output that is a number, in the order of the buffer.
+
+    For each component these are its Real inputs, its Real outputs, its other outputs and its other inputs, so that
+    what one call moves lies side by side.
+    """
+    return {
+        Port(name, variable.name): variable
+        for name, description in descriptions.items()
+        for variable in side_by_side(description)
+    }
+
+
+def side_by_side(description: Description) -> list[Variable]:
+    """Numeric inputs and outputs of an FMU in the order of the buffer."""
+    inputs, outputs = ([v for v in description.of(c) if v.type != "String"] for c in ("input", "output"))
+    real, other = ([v for v in inputs if (v.type == "Real") == is_real] for is_real in (True, False))
+    return [*real, *sorted(outputs, key=lambda v: v.type != "Real"), *other]
+
+
+def texts(descriptions: Descriptions) -> dict[Port, Variable]:
+    """Every input and output that is a text."""
+    return {
+        Port(name, variable.name): variable
+        for name, description in descriptions.items()
+        for variable in (*description.of("input"), *description.of("output"))
+        if variable.type == "String"
+    }
+
+
+def signals(descriptions: Descriptions) -> dict[str, Variable]:
+    """Every signal that can be recorded, in the order of the buffer, by `component.variable`."""
+    return {str(port): variable for port, variable in ports(descriptions).items()}
+
+
+def matching(patterns: Iterable[str], names: Iterable[str]) -> list[str]:
+    """Names that are or match one of the patterns, in the order of the names."""
+    exact = frozenset(patterns := tuple(patterns))
+    matches = re.compile("|".join(map(translate, patterns)) or "(?!)").match
+    return [name for name in names if name in exact or matches(name)]
+
+
+def recorded_signals(scenario: Scenario, descriptions: Descriptions) -> dict[str, Variable]:
+    """Signals that a run of this scenario records."""
+    known = signals(descriptions)
+    return {name: known[name] for name in matching(scenario.record.signals, known)}
+
+
+# Execution order of the components: that of the connections, with loops cut where there is no direct feedthrough.
+
+
+@dataclass(frozen=True)
+class Order:
+    """Components in the order in which they step, and the connections that carry the value of one step before."""
+
+    names: tuple[str, ...]
+    delayed: tuple[Connection, ...] = ()
+
+
+class FeedthroughCycleError(ValueError):
+    """Every input on this loop has direct feedthrough, so no order avoids an algebraic loop."""
+
+    def __init__(self, cycle: Sequence[Connection]) -> None:
+        super().__init__(
+            f"algebraic loop through {', '.join(map(str, cycle))}: every input on it has direct feedthrough. "
+            "Break it with a component without feedthrough, such as a delay or a lag, or with `delayed = true` in "
+            "`[[connections]]`."
+        )
+
+
+def execution_order(names: Sequence[str], connections: Sequence[Connection], descriptions: Descriptions) -> Order:
+    """Order in which every component follows those that drive it, as far as there are no loops.
+
+    In a loop, a component all of whose waiting inputs lack direct feedthrough goes first; the connections to these
+    inputs then carry the value of one step before. Where a connection is to be delayed, its source follows its target.
+    Among equals the order of the file decides, that of `names`.
+    Raises FeedthroughCycleError if a loop has nothing but direct feedthrough.
+    """
+    left, done, delayed = list(names), [], [c for c in connections if c.delayed]
+    ways = [turned(c) if c.delayed else c for c in connections if not (c.delayed and is_own(c))]
+    while left:
+        edges = [c for c in ways if {c.source.component, c.target.component} <= set(left)]
+        direct = [c for c in edges if c.delayed or c.target.variable in descriptions[c.target.component].direct_inputs]
+        driven = {c.target.component for c in edges}
+        chosen = next((name for name in left if name not in driven), None) or first_cut(left, edges, direct)
+        if chosen is None:
+            raise FeedthroughCycleError(find_cycle(left, direct))
+        delayed += [c for c in edges if c.target.component == chosen]
+        left.remove(chosen)
+        done.append(chosen)
+    return Order(tuple(done), tuple(delayed))
+
+
+def turned(connection: Connection) -> Connection:
+    """The way from target to source."""
+    return replace(connection, source=connection.target, target=connection.source)
+
+
+def is_own(connection: Connection) -> bool:
+    """True if the component takes what it gives itself."""
+    return connection.source.component == connection.target.component
+
+
+def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:
+    """First component of a loop that nothing outside it drives, all of whose waiting inputs lack feedthrough."""
+    waiting = {c.target.component for c in direct}
+    ahead = {name: reached(name, edges) for name in left}
+    behind = {name: {other for other in left if name in ahead[other]} for name in left}
+    return next((name for name in left if name not in waiting and behind[name] <= ahead[name]), None)
+
+
+def reached(name: str, edges: Collection[Connection]) -> set[str]:
+    """Components that a component drives, directly or through others."""
+    seen: set[str] = set()
+    fresh = {name}
+    while fresh:
+        fresh = {c.target.component for c in edges if c.source.component in fresh} - seen
+        seen |= fresh
+    return seen
+
+
+def find_cycle(left: Sequence[str], direct: Sequence[Connection]) -> list[Connection]:
+    """A loop of direct feedthrough, found by walking against the connections until a component comes twice."""
+    on_cycle = next(name for name in left if name in reached(name, direct))
+    path: list[Connection] = []
+    seen: list[str] = []
+    while on_cycle not in seen:
+        seen.append(on_cycle)
+        path.append(next(c for c in direct if c.target.component == on_cycle and closes(c, direct)))
+        on_cycle = path[-1].source.component
+    return path[seen.index(on_cycle) :][::-1]
+
+
+def closes(connection: Connection, direct: Sequence[Connection]) -> bool:
+    """True if the connection lies on a loop of direct feedthrough."""
+    source, target = connection.source.component, connection.target.component
+    return source == target or source in reached(target, direct)

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from gapsense._os.files import write_atomically
-from gapsense.cosim.scenario.document import Document
 from gapsense.cosim.scenario.keys import FILE, key_of
+from gapsense.cosim.scenario.read import Document
 from gapsense.tables import Key, Section
 
 

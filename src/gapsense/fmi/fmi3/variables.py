@@ -31,10 +31,10 @@ class Variable(NamedTuple):
 
     name: str
     reference: int
-    type: str
     causality: str
-    variability: str
     description: str
+    type: str = "Float64"
+    variability: str = "continuous"
     unit: str = ""  # nothing: it has none, or not one for all elements
     start: tuple[Any, ...] = ()
     min: float | int | None = None
@@ -66,17 +66,7 @@ def motion(component: Component) -> list[Port]:
 def variables(component: Component, tables: Tables, arrays: Sequence[Shape] = ()) -> list[Variable]:
     """All variables in the order of their value references."""
     found = [_of_port(port, k) for k, port in enumerate(component.ports)]
-    found.append(
-        Variable(
-            name="time",
-            reference=len(found),
-            type="Float64",
-            causality="independent",
-            variability="continuous",
-            description="Time",
-            unit="s",
-        )
-    )
+    found.append(Variable("time", len(found), "independent", "Time", unit="s"))
     for port in component.ports:
         if port.columns:
             found += _of_table(port, tables[port.name], len(found))
@@ -97,7 +87,9 @@ def places(component: Component) -> Iterator[Table]:
 
 def _of_port(port: Port, reference: int) -> Variable:
     variable = Variable(
-        *(port.name, reference, TYPES[port.kind], port.causality, port.variability, port.description),
+        *(port.name, reference, port.causality, port.description),
+        type=TYPES[port.kind],
+        variability=port.variability,
         start=() if port.start is None else (port.start,),
         feedthrough=port.feedthrough,
     )
@@ -111,33 +103,15 @@ def _of_port(port: Port, reference: int) -> Variable:
 
 
 def _of_table(port: Port, columns: Sequence[Sequence[float]], first: int) -> list[Variable]:
-    rows = len(columns[0])
-    told = f"Rows of the arrays that are the table while {port.name} has its start value"
-    size = Variable(
-        name=f"{port.name}.rows",
-        reference=first,
-        type="UInt64",
-        causality="structuralParameter",
-        variability="fixed",
-        description=told,
-        start=(rows,),
-    )
-    found = [size._replace(min=FEWEST_ROWS, max=MOST_ROWS)]
+    told = f"the table while {port.name} has its start value"
+    about = f"Rows of the arrays that are {told}"
+    size = Variable(f"{port.name}.rows", first, "structuralParameter", about, type="UInt64", variability="fixed")
+    found = [size._replace(start=(len(columns[0]),), min=FEWEST_ROWS, max=MOST_ROWS)]
     for k, (head, values) in enumerate(zip(heads(port.columns), columns), first + 1):
         matched = HEADER.fullmatch(head)
         name, unit = (matched[1], matched[2] or "1") if matched else (head, "1")
-        about = f"Column {name} of the table while {port.name} has its start value"
-        variable = Variable(
-            name=f"{port.name}.{name}",
-            reference=k,
-            type="Float64",
-            causality="parameter",
-            variability="fixed",
-            description=about,
-            unit=unit,
-            start=tuple(values),
-        )
-        found.append(variable._replace(rows=first))
+        column = Variable(f"{port.name}.{name}", k, "parameter", f"Column {name} of {told}", variability="fixed")
+        found.append(column._replace(unit=unit, start=tuple(values), rows=first))
     return found
 
 
@@ -146,27 +120,10 @@ def _of_motion(signals: Sequence[Port], first: int) -> list[Variable]:
     if not signals:
         return []
     told = "Samples of the motion that was smoothed and published last, so far"
-    found = [
-        Variable(
-            name="smoothed_motion.count",
-            reference=first,
-            type="Int32",
-            causality="output",
-            variability="discrete",
-            description=told,
-        )
-    ]
+    found = [Variable("smoothed_motion.count", first, "output", told, type="Int32", variability="discrete")]
     for k, port in enumerate(signals, first + 1):
         name, about = port.name.removeprefix(SMOOTHED), f"{port.description}: of all samples of that motion"
-        variable = Variable(
-            name=f"smoothed_motion.{name}",
-            reference=k,
-            type="Float64",
-            causality="output",
-            variability="continuous",
-            description=about,
-            unit=port.unit,
-        )
+        variable = Variable(f"smoothed_motion.{name}", k, "output", about, unit=port.unit)
         found.append(variable._replace(shape=(MOTION_ROWS,), nominal=port.nominal))
     return [variable._replace(feedthrough=signals[0].feedthrough) for variable in found]
 
@@ -176,13 +133,4 @@ def _of_array(shape: Shape, component: Component, reference: int) -> Variable:
     follows = {name for port in component.of("output") if port.name in shape.of for name in port.feedthrough}
     inputs = tuple(port.name for port in component.of("input") if port.name in follows)
     size = (shape.size, shape.size)
-    return Variable(
-        name=shape.name,
-        reference=reference,
-        type="Float64",
-        causality="output",
-        variability="continuous",
-        description=told,
-        shape=size,
-        feedthrough=inputs,
-    )
+    return Variable(shape.name, reference, "output", told, shape=size, feedthrough=inputs)

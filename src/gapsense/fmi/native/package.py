@@ -89,10 +89,8 @@ def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> 
             folder.mkdir(parents=True, exist_ok=True)
             members = {**members_of(parts, together), **libraries(parts, binaries, together)}
             yield package.write(members, folder / f"{parts.component.name}.fmu")
-    page3 = documentation(parts, sorted(binaries), "3.0")
-    members = members_of_3(parts, binaries, listed(parts.sources(3)), page3)
     (destination / "fmi3").mkdir(parents=True, exist_ok=True)
-    yield package.write(members, destination / "fmi3" / f"{parts.component.name}.fmu")
+    yield package.write(members_of_3(parts, binaries), destination / "fmi3" / f"{parts.component.name}.fmu")
 
 
 def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
@@ -106,15 +104,22 @@ def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[s
 
 def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
     """All other files of an FMU of FMI 2.0."""
-    component, sources = parts.component, parts.sources(2)
+    sources = listed(parts.sources(2))
     return {
-        "modelDescription.xml": model_description_2(component, parts.guid, __version__, listed(sources)),
-        "documentation/index.html": documentation(parts, platforms).encode(),
-        "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
+        "modelDescription.xml": model_description_2(parts.component, parts.guid, __version__, sources),
         "model.png": (package.HERE / "icon.png").read_bytes(),
+        **shared(parts, platforms, 2),
+    }
+
+
+def shared(parts: Parts, platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
+    """The files that have the same place whatever the version of FMI."""
+    return {
+        "documentation/index.html": documentation(parts, platforms, fmi).encode(),
+        "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
         **{f"resources/{name}": content for name, content in parts.resources.items()},
-        **sources,
-        **references.files(parts.folder, parts.given),
+        **parts.sources(fmi),
+        **references.files(parts.folder, parts.given, fmi),
     }
 
 
@@ -123,33 +128,25 @@ def listed(sources: Mapping[str, bytes]) -> list[str]:
     return sorted(Path(name).name for name in sources if name.endswith(".c"))
 
 
-def documentation(parts: Parts, platforms: Sequence[str], fmi: str = "2.0") -> str:
+def documentation(parts: Parts, platforms: Sequence[str], fmi: int) -> str:
     """The page of a component, which says what this FMU runs on."""
     markdown = (parts.folder / "page.md").read_text(encoding="utf-8")
-    run = RUN.format(platforms=" and ".join(NAMES[name] for name in platforms), fmi=fmi)
+    run = RUN.format(platforms=" and ".join(NAMES[name] for name in platforms), fmi=f"{fmi}.0")
     drawing = picture.figure(parts.component, parts.folder)
     return page.html(parts.component, markdown, __version__, drawing, run)
 
 
-def members_of_3(
-    parts: Parts, binaries: Mapping[str, bytes], compiled: Sequence[str], documentation: str
-) -> dict[str, bytes]:
-    """All files of the FMU; `binaries` by platform, as for FMI 2.0; `compiled` are the sources to compile."""
-    component = parts.component
-    icon = (package.HERE / "icon.png").read_bytes()
+def members_of_3(parts: Parts, binaries: Mapping[str, bytes]) -> dict[str, bytes]:
+    """All files of the FMU; `binaries` by platform, as for FMI 2.0."""
+    component, compiled = parts.component, listed(parts.sources(3))
+    libraries = (library for name, content in binaries.items() for library in libraries_3(parts, name, content))
     return {
         "modelDescription.xml": model_description(component, parts.variables, parts.guid, __version__),
-        "documentation/index.html": documentation.encode(),
-        "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
         TERMINALS: terminals_and_icons(component),
-        TERMINALS_ICON: icon,
-        **{f"resources/{name}": content for name, content in parts.resources.items()},
-        **parts.sources(3),
+        TERMINALS_ICON: (package.HERE / "icon.png").read_bytes(),
         "sources/buildDescription.xml": build_description(component.name, compiled),
-        **{
-            place: library for name, content in binaries.items() for place, library in libraries_3(parts, name, content)
-        },
-        **references.files(parts.folder, parts.given, fmi=3),
+        **dict(libraries),
+        **shared(parts, sorted(binaries), 3),
     }
 
 

@@ -308,14 +308,12 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
 
 def position_error(result: Commissioned) -> float:
     """What the standard errors of all parameters do to the position of the model, RMS in the worst record [m]."""
-    return max(_position_error(result, *of_record) for of_record in zip(result.drives, result.places, result.models))
-
-
-def _position_error(result: Commissioned, one: Excitation, places: Vector, model: Trajectory) -> float:
-    p = Problem(result.parameters, result.names, [one])
-    steps = STEP * np.eye(len(p.names))
-    slopes = [(simulate(parameters_at(p, step), one, places).position - model.position) / STEP for step in steps]
-    return float(np.sqrt(np.mean(np.einsum("jt,jk,kt->t", slopes, result.covariance, slopes))))
+    p, found = Problem(result.parameters, result.names, result.drives), []
+    pars = [parameters_at(p, step) for step in STEP * np.eye(len(p.names))]
+    for one, places, model in zip(result.drives, result.places, result.models):
+        slopes = [(simulate(par, one, places).position - model.position) / STEP for par in pars]
+        found.append(np.mean(np.einsum("jt,jk,kt->t", slopes, result.covariance, slopes)))
+    return float(np.sqrt(max(found)))
 
 
 def doubt(p: Problem) -> float:

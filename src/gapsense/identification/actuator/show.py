@@ -16,7 +16,6 @@ from rich.table import Table
 from gapsense.estimators.mhe.model import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.fmi.components import load_component, own
-from gapsense.fmi.ports import Port
 from gapsense.identification.actuator.drive import SLOWEST
 from gapsense.identification.actuator.fit import CAUSES, DEVIATIONS, Commissioned, position_error, with_bend
 from gapsense.identification.assumptions import list_values, meanings, scale
@@ -50,6 +49,12 @@ def found_values(result: Commissioned) -> dict[str, float]:
         par = par._replace(**{name: getattr(par, name) * factor for name in law}, gap_factor=1.0)
     fields = [*law, "gap_factor", *result.names]
     return {**{PORTS[field].name: float(getattr(par, field)) for field in fields}, **noise(result), **priors(result)}
+
+
+def standard_errors(result: Commissioned) -> dict[str, float]:
+    """By parameter, in its unit."""
+    found = found_values(result)
+    return {name: error * found[name] for field, error in result.errors.items() if (name := PORTS[field].name)}
 
 
 def noise(result: Commissioned) -> dict[str, float]:
@@ -151,13 +156,10 @@ def actuator_tables(
 def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
     """What nobody has given, and what that means."""
     ports = {port.name: port for port in PORTS.values()}
-    values = {name: known_value(known, ports[name]) for name in names}
+    values: dict[str, Value] = {
+        name: "as shipped" if ports[name].columns else float(getattr(known, ports[name].field)) for name in names
+    }
     return [f"Assumed, and not given: {list_values(values, ports, names)}.", *meanings(names)] if names else []
-
-
-def known_value(known: Parameters, port: Port) -> Value:
-    """Value of a parameter, or where a table is from."""
-    return "as shipped" if port.columns else float(getattr(known, port.field))
 
 
 def remarks(result: Commissioned, before: Parameters) -> list[str]:

@@ -96,21 +96,6 @@ def ranges(s: Size) -> dict[str, Range]:
     }
 
 
-def without_parts(s: Size, sample_time: float) -> Parameters:
-    """The coil of constant inductance, to which forms add."""
-    turnover = ranges(s)["turnover"].start
-    return Parameters(
-        sample_time=sample_time,
-        resistance=s.resistance,
-        air=1.0 / s.inductance,
-        core=0.0,
-        saturation=NO_SATURATION,
-        eddy=0.0,
-        hysteresis=0.0,
-        turnover=turnover,
-    )
-
-
 OWN = 0.3 * FLOOR  # of the largest current: what the sampling leaves of a record without noise
 COARSEST = 0.05  # half a step of a converter, of the largest value: more are the levels of a voltage that is commanded
 SIGNALS = ("voltage", "current")
@@ -176,6 +161,7 @@ class Problem(NamedTuple):
     form: Form
     size: Size
     runs: Sequence[Run]
+    convention: str = ""  # the reading of the voltage between samples; none leaves the records as they are
 
     @property
     def offsets(self) -> list[tuple[int, int]]:
@@ -202,9 +188,10 @@ class Problem(NamedTuple):
 
     def parameters(self, point: Vector, run: Run) -> Parameters:
         """The device of a point."""
-        logs = point[: len(self.form.names)]
-        found = dict(zip(self.form.names, np.exp(logs).tolist()))
-        return without_parts(self.size, run.record.dt)._replace(**found)
+        none = {"core": 0.0, "saturation": NO_SATURATION, "eddy": 0.0, "hysteresis": 0.0}
+        none["turnover"] = ranges(self.size)["turnover"].start
+        found = dict(zip(self.form.names, np.exp(point).tolist()))
+        return Parameters(sample_time=run.record.dt, **{**none, **found})
 
     def offset(self, point: Vector, k: int) -> tuple[float, float]:
         """Offsets of voltage and current in a run."""
@@ -381,80 +368,57 @@ def fit_coil(
     progress : callable
         Called with fits done and fits in all.
     """
-    richest = candidates([problem(records, period, name) for name in conventions or ("",)])
-    likely = min(richest, key=lambda c: c.minimum.power)
+    richest = minima([problem(records, period, name) for name in conventions or ("",)])
+    likely = min(richest, key=lambda m: m.power)
     if not wanted and not (coil := _coil(likely, [likely])).is_explained:
         return coil
-    found = list[Candidate]()
+    found = list[Fitted]()
     for k, form in enumerate(FORMS):
         progress(k, len(FORMS))
-        others = [(name, m.problem._replace(form=form)) for name, m in richest]
-        found += richest if form is RICHEST else candidates(others)
-    chosen = found[best([c.minimum for c in found])[0]]
-    return _coil(chosen, [c for c in found if c.convention == chosen.convention])
+        found += richest if form is RICHEST else minima([m.problem._replace(form=form) for m in richest])
+    chosen = found[best(found)[0]]
+    return _coil(chosen, [m for m in found if m.problem.convention == chosen.problem.convention])
 
 
-class Candidate(NamedTuple):
-    """A form with one reading of the voltage between samples."""
-
-    convention: str
-    minimum: Fitted
-
-
-def problem(records: Sequence[Record], period: float | None, convention: str) -> tuple[str, Problem]:
-    """The richest form, for a reading of the voltage; an empty one leaves the records as they are."""
+def problem(records: Sequence[Record], period: float | None, convention: str) -> Problem:
+    """The richest form, for a reading of the voltage."""
     read = [take_out_causes(record, convention) for record in records]
-    return convention, Problem(RICHEST, size_of(read, period), [run(record, period) for record in read])
+    return Problem(RICHEST, size_of(read, period), [run(record, period) for record in read], convention)
 
 
-def candidates(problems: Sequence[tuple[str, Problem]]) -> list[Candidate]:
-    """The minima of some problems that hardly differ, each from that of the first one on."""
-    found = list[Candidate]()
-    for convention, each in problems:
-        found.append(Candidate(convention, minimum(each, found[0].minimum.point if found else None)))
-    return found
+def minima(problems: Sequence[Problem]) -> list[Fitted]:
+    """Those of some problems that hardly differ, each from that of the first one on."""
+    first, *others = problems
+    found = minimum(first)
+    return [found, *(minimum(each, found.point) for each in others)]
 
 
-def _coil(chosen: Candidate, found: Sequence[Candidate]) -> Coil:
-    m = chosen.minimum
+def _coil(m: Fitted, found: Sequence[Fitted]) -> Coil:
     names, is_held, runs = m.problem.form.names, m.held, m.problem.runs
     par, offsets = m.problem.parameters(m.point, runs[0]), [m.problem.offset(m.point, k) for k in range(len(runs))]
     models = [trajectory(par, r.record, r.first, *offset) for r, offset in zip(runs, offsets)]
-    _, against = best([c.minimum for c in found])
+    _, against = best(found)
     balanced = mean_resistance(*(r.record for r in runs)) if m.problem.offsets else None
+    free = [name for name, at_limit in zip(names, is_held) if not at_limit]
+    A = np.linalg.pinv(m.problem.jacobian(m.point)[:, ~is_held], rcond=1e-9)[: len(free)].astype(np.float64)
+    ends = np.cumsum([r.current.size for r in runs])[:-1]
+    cov = np.sum([long_run(W, r) for W, r in zip(np.split(A, ends, axis=1), m.parts())], axis=0)  # with the misfit
+    if balanced and "resistance" in free:  # hidden offsets: (23) takes them in another way than the fit
+        cov[free.index("resistance"), free.index("resistance")] += np.log(balanced / par.resistance) ** 2
     return Coil(
         parameters=par,
         form=m.problem.form,
-        names=[name for name, at_limit in zip(names, is_held) if not at_limit],
-        covariance=covariance(m) + balance_variance(m, balanced),
+        names=free,
+        covariance=cov,
         held=[name for name, at_limit in zip(names, is_held) if at_limit],
         offsets=offsets,
         models=models,
         residuals=[residual(r.record, model, r.first) for r, model in zip(runs, models)],
-        tried=[Tried(c.minimum.problem.form, c.minimum.rms, more) for c, more in zip(found, against)],
-        convention=chosen.convention,
+        tried=[Tried(each.problem.form, each.rms, more) for each, more in zip(found, against)],
+        convention=m.problem.convention,
         records=[r.record for r in runs],
         balanced=balanced,
     )
-
-
-def covariance(m: Fitted) -> Matrix:
-    """Covariance of the logarithms that are not at a limit, with the misfit in it."""
-    is_free = ~m.held
-    A = np.linalg.pinv(m.problem.jacobian(m.point)[:, is_free], rcond=1e-9).astype(np.float64)
-    ends = np.cumsum([run.current.size for run in m.problem.runs])
-    parts = zip(np.split(A, ends[:-1], axis=1), m.parts())
-    cov = np.sum([long_run(W, r) for W, r in parts], axis=0)
-    count = int(is_free[: len(m.problem.form.names)].sum())
-    return np.asarray(cov[:count, :count])
-
-
-def balance_variance(m: Fitted, balanced: float | None) -> Matrix:
-    """What hidden offsets add to the variance of the resistance, which (23) takes in another way than the fit."""
-    free = [name for name, is_held in zip(m.problem.form.names, m.held) if not is_held]
-    R = m.problem.parameters(m.point, m.problem.runs[0]).resistance
-    off = float(np.log(balanced / R)) if balanced else 0.0
-    return np.diag(np.array([off**2 if name == "resistance" else 0.0 for name in free]))
 
 
 def trajectory(par: Parameters, record: Record, first: int, voltage: float = 0.0, current: float = 0.0) -> Trajectory:

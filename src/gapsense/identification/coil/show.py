@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.identification.coil.fit import POOR, Coil
 from gapsense.identification.measurements.operations import mean_resistance, operations
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import noises, verdict
-from gapsense.identification.show import TWO_SIDED, Validation, about, measured_and_model, validation
+from gapsense.identification.show import TWO_SIDED, Validation, about, validation
 from gapsense.report.table import quantity, table
 
 EDGE = 0.25  # of the largest voltage: more begins an operation
@@ -64,6 +63,13 @@ def values(result: Coil, turns: float = 0.0) -> dict[str, float]:
     """What was found, by field."""
     names = result.form.names
     return {name: float(getattr(result.parameters, name)) * (turns or 1.0) ** PORTS[name].power for name in names}
+
+
+def coil_errors(result: Coil, turns: float) -> dict[str, float]:
+    """Standard errors by parameter, in its unit."""
+    found = values(result, turns)
+    errors = {PORTS[name].name: error * found[name] for name, error in result.errors.items()}
+    return errors | {"prior.inductance": result.inductance_error * result.inductance}
 
 
 def notes(result: Coil, name: str) -> str:
@@ -198,9 +204,3 @@ def warmth(result: Coil, checks: Sequence[Validation]) -> list[str]:
                 f" {100.0 * (other / R - 1.0):+.1f} % beside the records fitted: a coil that is warmer or colder."
             )
     return said
-
-
-def coil_figure(result: Coil, checks: Sequence[Validation]) -> Figure:
-    """Measured and simulated current of the records used, then of those kept for the validation."""
-    runs = [*zip(result.records, result.models)]
-    return measured_and_model("Measured and identified", runs, checks, shows_flux=True)

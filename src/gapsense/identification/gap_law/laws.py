@@ -21,6 +21,7 @@ import numpy.typing as npt
 from scipy.optimize import least_squares, nnls
 
 from gapsense.actuators.magnetics import MU_0, fringing
+from gapsense.identification.least_squares import rms
 from gapsense.identification.parameter_set import BEYOND, ROWS
 
 Vector = npt.NDArray[np.float64]
@@ -92,11 +93,16 @@ def _slopes(knots: Vector, h: Vector, R: Vector) -> Law:
 def _not_negative(columns: Matrix, R: Vector) -> list[float]:
     """Factors of columns, none negative, whose sum is nearest to a reluctance, relatively; the first is never 0."""
     least = LEAST * float(R.min())
-    relative = columns / R[:, None]
-    sizes = np.linalg.norm(relative, axis=0)
-    found, _ = nnls(relative / sizes, 1.0 - least / R)
-    factors = found / sizes
-    return [float(factors[0]) + least, *factors[1:].tolist()]
+    first, *others = not_negative(columns / R[:, None], 1.0 - least / R).tolist()
+    return [first + least, *others]
+
+
+def not_negative(columns: Matrix, values: Vector) -> Vector:
+    """Factors of columns, none negative, whose sum is nearest to the values."""
+    sizes = np.linalg.norm(columns, axis=0)
+    sizes[sizes == 0.0] = 1.0
+    Q, triangle = np.linalg.qr(columns / sizes)
+    return np.asarray(nnls(triangle, Q.T @ values)[0] / sizes)
 
 
 def basis(knots: Vector, h: Vector) -> Matrix:
@@ -177,11 +183,6 @@ def best_law(found: list[Candidate]) -> Candidate:
     """The one with the fewest numbers of those that foretell as well as any."""
     limit = max(FINE, AS_GOOD * min(each.foretold for each in found))
     return min((each for each in found if each.foretold <= limit), key=lambda each: (each.size, each.foretold))
-
-
-def rms(x: Vector) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def jackknife(values: Vector) -> Vector:

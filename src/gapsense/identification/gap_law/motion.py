@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares, minimize_scalar, nnls
+from scipy.optimize import least_squares, minimize_scalar
 
 from gapsense.actuators.magnetics import MU_0, SATURATED
-from gapsense.identification.gap_law.laws import Law, Matrix, Vector, basis, reluctance, total
+from gapsense.identification.gap_law.laws import Law, Matrix, Vector, basis, not_negative, reluctance, total
 
 KNOTS = (2, 3, 4, 6, 8)  # at which slopes are sought
 ENOUGH = 6 + 3  # numbers of a law with six of them
@@ -116,7 +116,7 @@ def _summed(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> S
     def fitted(logarithm: float) -> tuple[Vector, Vector]:
         core = flux * _saturation(samples.flux_linkage, float(np.exp(logarithm)))
         columns = np.column_stack((core, others))
-        factors = _not_negative(columns, samples.current)
+        factors = not_negative(columns, samples.current)
         return factors, samples.current - columns @ factors
 
     spans = np.log(np.geomspace(1.0 + 1e-3, FARTHEST, 25) * np.abs(samples.flux_linkage).max())
@@ -159,14 +159,6 @@ def _fringing(samples: Measured, turns: float, upper: float, linear: Trial) -> T
 def _saturation(flux_linkage: Vector, lam_sat: float) -> Vector:
     """Reluctance of the core, relative to that without flux."""
     return np.asarray(1.0 / (1.0 - np.minimum(np.abs(flux_linkage) / lam_sat, SATURATED)))
-
-
-def _not_negative(columns: Matrix, values: Vector) -> Vector:
-    """Factors of columns, none negative, whose sum is nearest to the values."""
-    sizes = np.linalg.norm(columns, axis=0)
-    sizes[sizes == 0.0] = 1.0
-    Q, triangle = np.linalg.qr(columns / sizes)
-    return np.asarray(nnls(triangle, Q.T @ values)[0] / sizes)
 
 
 def square(x: Vector) -> float:

@@ -38,6 +38,13 @@ def values(law: Law, turns: float) -> dict[str, Value]:
     return {"coil.turns": turns, "core.reluctance": law.offset, "gap.law": kind, **numbers}
 
 
+def standard_errors(taken: Candidate, turns: float) -> dict[str, float]:
+    """By parameter that is a number, in its unit."""
+    names = ["core.reluctance", *(name.replace("_", ".") for name in fields(taken.law))]
+    each = [values(law, turns) for law in taken.others]
+    return dict(zip(names, jackknife(np.array([[float(one[name]) for name in names] for one in each])).tolist()))
+
+
 def write_gap_law(
     file: Path,
     law: Law,

@@ -321,7 +321,8 @@ class Facts(NamedTuple):
 def facts(record: Record, period: float | None = None, may_clip: bool = False) -> Facts:
     """Facts of a record that has been read without its offsets."""
     rest, found = at_rest(record), operations(record, period)
-    raw = as_measured(record)
+    raw = {n: x + (record.offsets[n].value if n in record.offsets else 0.0) for n, x in record.signals.items()}
+    measured = Columns(record.name, record.rows, raw)  # with their offsets
     unready = [*rest_problems(record, record.name)]
     switched = path(record, found)
     return Facts(
@@ -334,23 +335,11 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
         incomplete=max(0, len(activities(record)) - len(found)),
         path=switched,
         lag=lag(record, found),
-        clipped=[] if may_clip else find_clipping(record, raw),
+        clipped=[] if may_clip else [text for name in raw for text in clipping(measured, name)],
         is_from_rest=begins_at_rest(record),
         unready=unready,
         unfinished=[] if unready else [*operation_problems(record, record.name, period)],
     )
-
-
-def as_measured(record: Record) -> dict[str, Vector]:
-    """Voltage and current with their offsets."""
-    signals = {"voltage": record.voltage, "current": record.current}
-    return {name: x + (record.offsets[name].value if name in record.offsets else 0.0) for name, x in signals.items()}
-
-
-def find_clipping(record: Record, raw: Mapping[str, Vector]) -> list[str]:
-    """What is told of signals at the limits of their converters."""
-    columns = Columns(record.name, record.rows, raw)
-    return [text for name in raw for text in clipping(columns, name)]
 
 
 def signal(x: Vector, rest: int) -> Signal:

@@ -38,13 +38,7 @@ def remarks(record: Record, found: Facts, resistance: float | None = None) -> li
     said = list(found.clipped)
     coded = ["voltage"] if found.path.is_command else []  # its values are no steps of a converter
     said += [text for name, s in found.signals.items() if name not in coded for text in of_signal(name, s)]
-    said += [
-        *of_jumps(record, found),
-        *of_switching(record, found),
-        *of_filters(found),
-        *of_driver(found),
-        *of_sampling(found),
-    ]
+    said += [*of_jumps(record, found), *of_switching(found), *of_filters(found), *of_sampling(found)]
     return [*said, *of_resistances(found, resistance)]
 
 
@@ -62,17 +56,17 @@ def of_signal(name: str, s: Signal) -> Iterator[str]:
 
 def of_jumps(record: Record, found: Facts) -> Iterator[str]:
     """A current that jumps, and single samples that do."""
-    jump = {"voltage": JUMP * float(np.ptp(record.voltage)), "current": JUMP * float(np.ptp(record.current))}
-    steps = {name: float(np.abs(np.diff(getattr(record, name))).max()) for name in jump}
+    jump = {name: JUMP * float(np.ptp(x)) for name, x in record.signals.items()}
+    steps = {name: float(np.abs(np.diff(x)).max()) for name, x in record.signals.items()}
     if steps["current"] > jump["current"] > 0.0 and steps["voltage"] < jump["voltage"]:
         yield (
             "The current jumps from one sample to the next, the voltage does not: no coil lets it. Are the columns"
             " interchanged?"
         )
     for name in jump if found.path.carrier is None else ():
-        for k in spikes(getattr(record, name), jump[name])[:SHOWN]:
+        for k in spikes(record.signals[name], jump[name])[:SHOWN]:
             yield (
-                f"row {record.rows[k]}: `{name}` is {getattr(record, name)[k]:.4g} in this one sample only. Correct it,"
+                f"row {record.rows[k]}: `{name}` is {record.signals[name][k]:.4g} in this one sample only. Correct it,"
                 " or look for what disturbs."
             )
 
@@ -84,7 +78,7 @@ def spikes(x: Vector, least: float) -> list[int]:
     return [int(k) + 1 for k in found] if found.size <= RARE else []
 
 
-def of_switching(record: Record, found: Facts) -> Iterator[str]:
+def of_switching(found: Facts) -> Iterator[str]:
     """PWM that the samples do not resolve."""
     carrier = found.path.carrier
     if carrier is None or carrier.samples >= OFTEN:
@@ -127,17 +121,13 @@ def of_filters(found: Facts) -> Iterator[str]:
         )
 
 
-def of_driver(found: Facts) -> Iterator[str]:
-    """A voltage that is not the coil's."""
+def of_sampling(found: Facts) -> Iterator[str]:
+    """A voltage that is not the coil's, and too few samples."""
     if found.path.is_command:
         yield (
             "The voltage has few values and no noise: a command, or too coarse a converter. A command does not have the"
             " drops of the driver, which are then taken for resistance. Measure at the coil's terminals."
         )
-
-
-def of_sampling(found: Facts) -> Iterator[str]:
-    """Too few samples."""
     rise = min((p.rise for p in found.pulses), default=FEW)
     if 0 < rise < FEW and found.is_from_rest:
         need = quantity(rise / FEW * found.dt, "s")
@@ -184,6 +174,7 @@ WRONG = (
     "no coil has such a voltage and current: a sensor is reversed, columns are interchanged, or there is no voltage."
 )
 USES = ("`identify`", "`commission`", "`estimate`")
+COIL, MOTION = ("resistance", "flux linkage"), "motion, {}".format
 WHOLE = "Record from rest until the current has ended."
 
 
@@ -197,15 +188,21 @@ class Item(NamedTuple):
 
 def checklist(found: Facts, impaired: int) -> list[Item]:
     """All of it; `impaired` is the number of remarks on the record."""
-    motion = closing(found)
-    return [
-        offsets(found),
-        resistance(found),
-        inductance(found),
-        motion,
-        opening(found),
-        *uses(found, motion, impaired),
+    R, L = ([getattr(p, name) for p in found.pulses] for name in ("resistance", "inductance"))
+    seen = {"closing": [p.closing for p in found.pulses], "opening": [p.opening for p in found.pulses]}
+    if found.pulses and (float(np.mean(R)) <= 0.0 or float(np.median(L)) <= 0.0):
+        return [offsets(found), *(Item(what, NO, WRONG) for what in (*COIL, *map(MOTION, seen), *USES))]
+    if found.pulses:
+        why = {"closing": why_unseen(found), "opening": why_no_way_back(found)}
+        coil = [resistance(found), inductance(found)]
+    else:
+        why = dict.fromkeys(seen, f"no complete operation. {WHOLE}")
+        coil = [Item(what, NO, why["closing"]) for what in COIL]
+    moves = [
+        Item(MOTION(way), *((YES, describe_kinks(found, kinks)) if any(kinks) else (NO, why[way])))
+        for way, kinks in seen.items()
     ]
+    return [offsets(found), *coil, *moves, *uses(found, any(seen["closing"]), impaired)]
 
 
 def offsets(found: Facts) -> Item:
@@ -221,10 +218,6 @@ def offsets(found: Facts) -> Item:
 def resistance(found: Facts) -> Item:
     """Resistance by (23)."""
     R = np.array([p.resistance for p in found.pulses])
-    if not R.size:
-        return Item("resistance", NO, f"no complete operation. {WHOLE}")
-    if is_wrong(found):
-        return Item("resistance", NO, WRONG)
     spread = f", equal within {100.0 * float(np.ptp(R) / abs(R.mean())):.2g} %" if R.size > 1 else ""
     many = f"{R.size} operations" if R.size > 1 else "1 operation"
     is_sure = not is_shifted(found) and not found.clipped and float(np.ptp(R)) < EQUAL * abs(float(R.mean()))
@@ -237,16 +230,8 @@ def is_shifted(found: Facts) -> bool:
     return not found.is_from_rest and v.offset is not None and abs(v.offset.value) < MOST_OFFSET * v.largest
 
 
-def is_wrong(found: Facts) -> bool:
-    """Whether voltage and current cannot be those of one coil."""
-    R, L = ([getattr(p, name) for p in found.pulses] for name in ("resistance", "inductance"))
-    return bool(found.pulses) and (float(np.mean(R)) <= 0.0 or float(np.median(L)) <= 0.0)
-
-
 def inductance(found: Facts) -> Item:
     """Flux linkage and inductance."""
-    if resistance(found).answer == NO:
-        return resistance(found)._replace(what="flux linkage")
     if not found.is_from_rest:
         return Item("flux linkage", NO, f"an integral over a whole operation from rest on. {WHOLE}")
     largest, L = max(p.flux_linkage for p in found.pulses), np.median([p.inductance for p in found.pulses])
@@ -255,20 +240,8 @@ def inductance(found: Facts) -> Item:
     return Item("flux linkage", CARE if found.clipped else YES, text)
 
 
-def closing(found: Facts) -> Item:
-    """Motion that the rising current shows."""
-    kinks = [p.closing for p in found.pulses]
-    if is_wrong(found):
-        return Item("motion, closing", NO, WRONG)
-    if any(kinks):
-        return Item("motion, closing", YES, describe_kinks(found, kinks))
-    return Item("motion, closing", NO, why_unseen(found))
-
-
 def why_unseen(found: Facts) -> str:
     """Why no motion is seen while the current rises."""
-    if not found.pulses:
-        return f"no complete operation. {WHOLE}"
     if found.clipped:
         return "clipped, where it would be seen. Widen the measuring range."
     bend = float(np.median([p.bend for p in found.pulses]))
@@ -283,21 +256,13 @@ def why_unseen(found: Facts) -> str:
     )
 
 
-def opening(found: Facts) -> Item:
-    """Motion that the falling current shows."""
-    kinks, decay = [p.opening for p in found.pulses], found.path.decay
-    if is_wrong(found):
-        return Item("motion, opening", NO, WRONG)
-    if any(kinks):
-        return Item("motion, opening", YES, describe_kinks(found, kinks))
-    text = "the falling current bends nowhere."
-    if (
-        decay is not None
-        and decay < 0.0
-        and found.signals["voltage"].smallest < -0.1 * found.signals["voltage"].largest
-    ):
-        text += f" Against {quantity(decay, 'V')} it may have ended before the mover goes back: record some without."
-    return Item("motion, opening", NO, text if found.pulses else f"no complete operation. {WHOLE}")
+def why_no_way_back(found: Facts) -> str:
+    """Why none is seen while it falls."""
+    text, v = "the falling current bends nowhere.", found.signals["voltage"]
+    if found.path.decay is not None and found.path.decay < 0.0 and v.smallest < -0.1 * v.largest:
+        text += f" Against {quantity(found.path.decay, 'V')} it may have ended before the mover goes back:"
+        text += " record some without."
+    return text
 
 
 def describe_kinks(found: Facts, kinks: list[Kink | None]) -> str:
@@ -311,28 +276,19 @@ def describe_kinks(found: Facts, kinks: list[Kink | None]) -> str:
     )
 
 
-def uses(found: Facts, motion: Item, impaired: int) -> list[Item]:
+def uses(found: Facts, has_motion: bool, impaired: int) -> list[Item]:
     """The commands that could come next."""
-    if is_wrong(found):
-        return [Item(name, NO, WRONG) for name in USES]
     care = f"see {'the remark' if impaired == 1 else f'{impaired} remarks'} below"
     ready = (CARE, care) if impaired else (YES, "ready")
-    begun = (NO, short(found.unready[0])) if found.unready else ready
-    whole = (NO, short(found.unfinished[0])) if found.unfinished else begun
-    if motion.answer == NO:
+    begun = (NO, found.unready[0].partition(": ")[2]) if found.unready else ready
+    whole = (NO, found.unfinished[0].partition(": ")[2]) if found.unfinished else begun
+    if not has_motion:
         whole, begun = (use if use[0] == NO else (CARE, UNMOVED) for use in (whole, begun))
     flowing = ready if found.is_from_rest else (CARE, "nothing is right before the current has ended once")
     flowing = flowing if found.pulses or found.incomplete else begun
-    named = zip(USES, (whole, begun, flowing))
-    return [Item(name, answer, why) for name, (answer, why) in named]
+    return [Item(name, *use) for name, use in zip(USES, (whole, begun, flowing))]
 
 
-def short(problem: str) -> str:
-    """A problem without the name of its file."""
-    return problem.partition(": ")[2]
-
-
-UNITS = {"voltage": "V", "current": "A"}
 MOST_LISTED = 10  # operations that are listed
 
 
@@ -344,14 +300,11 @@ def inspection_tables(record: Record, found: Facts, resistance: float | None = N
         f" {found.rest} of them at rest first. {voltage(found)}"
     )
     said = remarks(record, found, resistance)
-    listed = [operations(record, found)] if found.pulses else []
-    left = (
-        [f"{len(found.pulses) - MOST_LISTED} more operations are not listed."]
-        if len(found.pulses) > MOST_LISTED
-        else []
-    )
+    listed: list[Table | str] = [operations(record, found)] if found.pulses else []
+    if (left := len(found.pulses) - MOST_LISTED) > 0:
+        listed.append(f"{left} more operations are not listed.")
     items = table("What it gives", ("", "given", "why, and what to change"), checklist(found, len(said)), texts=3)
-    return [what, *extra(record), signals(found), *listed, *left, scales(found), items, *said]
+    return [what, *extra(record), signals(found), *listed, scales(found), items, *said]
 
 
 def voltage(found: Facts) -> str:
@@ -379,46 +332,24 @@ def extra(record: Record) -> list[str]:
 def signals(found: Facts) -> Table:
     """Voltage and current."""
     rows = []
-    for name, s in found.signals.items():
-        unit = UNITS[name]
+    for (name, s), unit in zip(found.signals.items(), "VA"):
         at_rest = f"{quantity(s.offset.value, unit)} +- {quantity(s.offset.error, unit)}" if s.offset else "unknown"
-        rows.append(
-            (
-                name,
-                f"{quantity(s.smallest, unit)} to {quantity(s.largest, unit)}",
-                quantity(s.noise, unit),
-                quantity(s.step, unit) if s.step else "fine",
-                at_rest,
-            )
-        )
+        span = f"{quantity(s.smallest, unit)} to {quantity(s.largest, unit)}"
+        rows.append((name, span, quantity(s.noise, unit), quantity(s.step, unit) if s.step else "fine", at_rest))
     return table("Signals", ("", "range", "noise", "step", "at rest"), rows, texts=5)
 
 
 def operations(record: Record, found: Facts) -> Table:
     """Complete operations."""
-    rows = (
-        (
-            f"{1e3 * record.times[p.operation.start]:.6g} ms",
-            f"{1e3 * record.times[p.operation.stop]:.6g} ms",
-            quantity(p.peak, "A"),
-            quantity(p.resistance, "Ohm"),
-            *(
-                ("unknown",) * 2
-                if not found.is_from_rest
-                else (quantity(p.flux_linkage, "Wb"), quantity(p.inductance, "H"))
-            ),
-            at(p.closing),
-            at(p.opening),
-        )
-        for p in found.pulses[:MOST_LISTED]
-    )
+    rows = []
+    for p in found.pulses[:MOST_LISTED]:
+        ends = (f"{1e3 * record.times[k]:.6g} ms" for k in p.operation)
+        flux = (quantity(p.flux_linkage, "Wb"), quantity(p.inductance, "H"))
+        moves = (f"{1e3 * kink.end:.6g} ms" if kink else "not seen" for kink in (p.closing, p.opening))
+        integral = flux if found.is_from_rest else ("unknown", "unknown")
+        rows.append((*ends, quantity(p.peak, "A"), quantity(p.resistance, "Ohm"), *integral, *moves))
     heads = ("from", "to", "current", "R, (23)", "flux linkage", "L", "closes", "opens")
     return table("Complete operations", heads, rows, texts=0)
-
-
-def at(kink: Kink | None) -> str:
-    """When a motion is seen to end."""
-    return "not seen" if kink is None else f"{1e3 * kink.end:.6g} ms"
 
 
 def scales(found: Facts) -> Table:

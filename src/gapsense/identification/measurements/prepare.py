@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gapsense.identification.measurements.operations import activities, at_rest, hidden, noise, operations, resolution
-from gapsense.identification.measurements.record import Offset, Record, Vector
+from gapsense.identification.measurements.record import Offset, Record, Vector, part
 
 MOST_OFFSET = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
 SIGNIFICANT = 4.0  # standard errors
@@ -26,11 +26,10 @@ def subtract_offsets(record: Record) -> Record:
     n = at_rest(record)
     if n < FEWEST_AT_REST or n == record.times.size:
         return record
-    signals = {"voltage": record.voltage, "current": record.current}
-    found = {name: offset(x, n) for name, x in signals.items()}
-    if any(abs(o.value) > MOST_OFFSET * np.abs(signals[name]).max() for name, o in found.items()) or flows(record, n):
+    found = {name: (x, offset(x, n)) for name, x in record.signals.items()}
+    if any(abs(o.value) > MOST_OFFSET * np.abs(x).max() for x, o in found.values()) or flows(record, n):
         return record
-    told = {name: o for name, o in found.items() if abs(o.value) > _chance(signals[name], n, o)}
+    told = {name: o for name, (x, o) in found.items() if abs(o.value) > _chance(x, n, o)}
     v, i = (told[name].value if name in told else 0.0 for name in ("voltage", "current"))
     return record._replace(
         voltage=record.voltage - v, current=record.current - i, halves=record.halves - v, offsets=told
@@ -59,8 +58,7 @@ def _chance(x: Vector, n: int, found: Offset) -> float:
 def remaining(record: Record) -> dict[str, float]:
     """Standard error of the offset that voltage and current may still have: of what was subtracted, or is hidden."""
     n, errors = at_rest(record), {name: o.error for name, o in record.offsets.items()}
-    for name in ("voltage", "current"):
-        x = getattr(record, name)
+    for name, x in record.signals.items():
         if name not in errors and n >= FEWEST_AT_REST and not np.ptp(x[:n]) and np.unique(x).size > LEVELS:
             errors[name] = hidden(x)
     return errors
@@ -69,11 +67,10 @@ def remaining(record: Record) -> dict[str, float]:
 def unipolar(record: Record) -> tuple[str, ...]:
     """Sentences on signals whose noise ends at their smallest value, as behind a converter that knows no sign."""
     n = at_rest(record)
-    signals = {"voltage": record.voltage, "current": record.current}
     return tuple(
         f"`{name}` never falls below {x.min():.4g} at rest, though it is noisy: its converter seems to cut what is "
         "below, so that small values are too large. Shift its range."
-        for name, x in signals.items()
+        for name, x in record.signals.items()
         if n >= FEWEST_AT_REST and _is_cut(x[:n], resolution(x))
     )
 
@@ -166,17 +163,3 @@ def _between(record: Record, places: Vector, size: int) -> Vector:
     edges = np.stack((places - size, places - 0.5 * size, places), axis=1)
     at = np.interp(edges, ends, passed) + np.minimum(edges, 0.0) * record.voltage[0]
     return np.asarray(np.diff(at, axis=1) / (0.5 * size))
-
-
-def part(record: Record, at: slice) -> Record:
-    """Some samples of a record."""
-    position, mode = (None if x is None else x[at] for x in (record.position, record.mode))
-    return record._replace(
-        times=record.times[at],
-        voltage=record.voltage[at],
-        current=record.current[at],
-        halves=record.halves[at],
-        position=position,
-        mode=mode,
-        rows=record.rows[at],
-    )

@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import unread
-from gapsense._os.plain_files import read_bytes
+from gapsense._os.files import read_bytes, unread
 from gapsense.cosim.result.result import Result, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
-from gapsense.cosim.scenario.kinds import RECORD, other_kind
+from gapsense.cosim.scenario.read import RECORD, other_kind
 from gapsense.fmi.tables import HEADER
 from gapsense.identification.measurements.checks import (
     clipping,
@@ -154,12 +153,12 @@ def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
     """Columns of a CSV file, or of that of a result with its side-car; `problems` takes what is wrong with it."""
     if unknown := [name for name in how.names if name not in UNITS or name == "time"]:
         problems.append(f"--column {unknown[0]}: {suggest(unknown[0], [n for n in UNITS if n != 'time'])}")
+    nothing = Columns(path.name, np.array([], dtype=int), {})
     if wrong := other_kind(path, RECORD):
         problems.append(wrong)
-        return Columns(path.name, np.array([], dtype=int), {})
+        return nothing
     if read_sidecar(path):
         return columns_of(path.name, read_result(path), how.names, problems)
-    nothing = Columns(path.name, np.array([], dtype=int), {})
     try:
         reader = csv.reader(io.StringIO(read_bytes(path).decode("utf-8-sig"), newline=""), delimiter=how.separator)
         lines = [Line(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]

@@ -104,6 +104,11 @@ class Record(NamedTuple):
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
     @property
+    def signals(self) -> dict[str, Vector]:
+        """Voltage and current by name."""
+        return {"voltage": self.voltage, "current": self.current}
+
+    @property
     def applied(self) -> Vector:
         """Mean voltage over the interval before each sample [V]."""
         return np.asarray(self.halves.mean(axis=1))
@@ -136,9 +141,8 @@ def between(record: Record, convention: str) -> Record:
     return record if record.is_mean else record._replace(halves=halves(record.voltage, record.current, convention))
 
 
-def until(record: Record, last: int) -> Record:
-    """The record up to a sample."""
+def part(record: Record, at: slice) -> Record:
+    """Some samples of a record."""
     names = ("times", "voltage", "current", "halves", "position", "mode", "rows")
-    samples = {name: getattr(record, name) for name in names}
-    cut: dict[str, Any] = {name: x if x is None else x[: last + 1] for name, x in samples.items()}
+    cut: dict[str, Any] = {name: None if (x := getattr(record, name)) is None else x[at] for name in names}
     return record._replace(**cut)

@@ -13,30 +13,36 @@ returns through the resistances, by a third larger for the valve with hysteresis
 The residual cannot tell what the parameters have taken of a cause that the model does not know.  Two things can: how
 much of the residual each known cause explains, with the parameters free, and so how far it moves them; and the
 correlation that a misfit of the size of the residual would need to move a parameter most.
+
+What was given is as certain as `--accuracy` says.  What was assumed may be off by a factor, too much for derivatives:
+so the fit is repeated with the value one standard error off, to both sides, or as far off as the records allow.  They
+tell no stroke from another one, but something of the relaxed gap of a spring, say, which bends the motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from gapsense.identification.assumptions import scale
 from gapsense.identification.causes import CAUSES, HIDDEN, Signals, apply_causes
-from gapsense.identification.least_squares import Matrix, Vector, differences, long_run
+from gapsense.identification.least_squares import Matrix, Vector, differences, independent, long_run, rms
 from gapsense.identification.measurements.operations import Operation, trapezoid
 from gapsense.identification.measurements.prepare import remaining
 from gapsense.identification.residual import Residual
-from gapsense.identification.valve.form import FACTOR, SHAPE, Device, Form
-from gapsense.identification.valve.minimise import Weighted
+from gapsense.identification.valve.form import FACTOR, SHAPE, Device, Form, multiply, replace_values, value_of
+from gapsense.identification.valve.minimise import Fit, Weighted
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
     Response,
     balance,
     charge,
+    cost,
     mean_resistance,
     part,
     pooled_resistance,
@@ -46,30 +52,6 @@ from gapsense.identification.valve.model import (
     with_factors,
     with_resistance,
 )
-
-
-def feedback(inverse: Matrix, form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Matrix:
-    """What becomes of errors x of what is fitted, first the parameters, in the end: y = x - A B y, with `inverse` A."""
-    one = np.eye(len(inverse))
-    if FACTOR not in form.fitted:
-        return one
-    B = np.concatenate([_by_balance(form, ratios, e) for e in experiments])
-    one[:, : ratios.size] += inverse @ B
-    return np.linalg.inv(one).astype(np.float64)
-
-
-def _by_balance(form: Form, ratios: Vector, experiment: Experiment) -> Matrix:
-    """Derivatives of the weighted residuals by the parameters that only balance the resistances."""
-    return differences(
-        lambda points: np.array([_balance_and_weigh(form, ratios, others, experiment) for others in points]), ratios
-    )
-
-
-def _balance_and_weigh(form: Form, ratios: Vector, others: Vector, experiment: Experiment) -> Vector:
-    """The weighted residuals with the resistances of other parameters."""
-    now = balance(form, others, experiment)
-    return weight(now, simulate_batch([form.at(ratios)], now)[0])
-
 
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
 TINY = 1e-300
@@ -137,13 +119,12 @@ def linearise(
 def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Slopes:
     """How causes change the weighted residuals, and the resistance of (23)."""
     at, sizes = left_at(form, ratios, experiments), scales(experiments)
-    columns, logarithms = [np.empty((at[0].size, 0))], [np.empty(0)]
-    for name in names:
+    columns, logarithms = np.empty((at[0].size, len(names))), np.empty(len(names))
+    for k, name in enumerate(names):
         small = EVERY[name].small
         with_it = left_at(form, ratios, [restore_causes(e, {name: small * sizes[name]}) for e in experiments])
-        columns.append(((with_it[0] - at[0]) / small)[:, None])
-        logarithms.append(np.array([(with_it[1] - at[1]) / small]))
-    return Slopes(np.hstack(columns), np.concatenate(logarithms))
+        columns[:, k], logarithms[k] = (with_it[0] - at[0]) / small, (with_it[1] - at[1]) / small
+    return Slopes(columns, logarithms)
 
 
 def scales(experiments: Sequence[Experiment]) -> dict[str, float]:
@@ -173,48 +154,57 @@ def _ratio(experiment: Experiment, inside: slice) -> float:
     return float(experiment.halves[inside].mean(axis=1).sum() / trapezoid(experiment.current)[inside].sum())
 
 
-class Influence(NamedTuple):
-    """What each residual of an experiment does to each of some numbers."""
+def feedback(inverse: Matrix, form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Matrix:
+    """What becomes of errors x of what is fitted, first the parameters, in the end: y = x - A B y, with `inverse` A.
 
-    current: Matrix  # (numbers, samples)
-    position: Matrix | None  # likewise, where it is fitted
+    B has the derivatives of the weighted residuals by parameters that only balance the resistances.
+    """
+    one, par = np.eye(len(inverse)), form.at(ratios)
+    if FACTOR not in form.fitted:
+        return one
+
+    def weighed(others: Vector, experiment: Experiment) -> Vector:
+        now = balance(form, others, experiment)
+        return weight(now, simulate_batch([par], now)[0])
+
+    B = [differences(lambda points: np.array([weighed(x, e) for x in points]), ratios) for e in experiments]  # noqa: B023
+    one[:, : ratios.size] += inverse @ np.concatenate(B)
+    return np.linalg.inv(one).astype(np.float64)
 
 
-def influences(form: Form, ratios: Vector, experiments: Sequence[Experiment], at: Linear) -> list[Influence]:
-    """Influence of each residual on what is fitted, on the values of the other causes, and on the resistance."""
+def influences(
+    form: Form, ratios: Vector, experiments: Sequence[Experiment], at: Linear
+) -> list[list[tuple[Matrix, Vector]]]:
+    """Of each experiment its signals, current and perhaps position: what each residual does, and these residuals.
+
+    It changes what is fitted, the values of the other causes and, last, the logarithm of the resistance.
+    """
     A, ends = np.vstack([at.feedback @ at.inverse, at.rows]), np.cumsum([e.size for e in experiments])
     parts, total = np.split(A, ends[:-1], axis=1), sum(charge(e) for e in experiments)
-    found = [_weights(form, ratios, e, part, total) for e, part in zip(experiments, parts)]
-    return [_with_causes(W, at.resistance) for W in found]
+    return [[*_weights(form.at(ratios), e, part, total, at.resistance)] for e, part in zip(experiments, parts)]
 
 
-def _with_causes(W: Influence, by: Vector) -> Influence:
-    """The influence with what fitted causes do to the resistance, the last."""
-    of_current = np.vstack([W.current[:-1], W.current[-1] + by @ W.current[: by.size]])
-    if W.position is None:
-        return Influence(of_current, None)
-    return Influence(of_current, np.vstack([W.position[:-1], W.position[-1] + by @ W.position[: by.size]]))
-
-
-def _weights(form: Form, ratios: Vector, experiment: Experiment, A: Matrix, total: float) -> Influence:
-    """The same of one experiment; the resistance is relative."""
+def _weights(
+    par: Device, experiment: Experiment, A: Matrix, total: float, by: Vector
+) -> Iterator[tuple[Matrix, Vector]]:
+    """The same of one experiment; the resistance is changed `by` fitted causes too."""
     n = experiment.current.size
     c_i, c_lam = experiment.weights()
     R, half = experiment.resistance, 0.5 * experiment.dt
     later = np.cumsum(A[:, n : 2 * n][:, ::-1], axis=1)[:, ::-1] * R  # of the interval before each sample
     W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
-    pooled, at = np.zeros(n), simulate_batch([form.at(ratios)], experiment)[0]
+    pooled, at = np.zeros(n), simulate_batch([par], experiment)[0]
     for operation in experiment.operations:
         share = np.zeros(n)
         share[operation.start + 1 : operation.stop] = 1.0
         share[[operation.start, operation.stop]] = 0.5
-        slope = _by_resistance(form.at(ratios), experiment, at, operation)
+        slope = _by_resistance(par, experiment, at, operation)
         W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.inside].sum())
         pooled -= share / total
-    Z = None
-    if experiment.position is not None:
-        Z = np.vstack([-c_i * experiment.amperes * A[:, 2 * n :], np.zeros(n)])
-    return Influence(np.vstack([W, pooled]), Z)
+    yield np.vstack([W, pooled + by @ W[: by.size]]), experiment.current - at.current
+    if experiment.position is not None and at.position is not None:
+        Z = -c_i * experiment.amperes * A[:, 2 * n :]
+        yield np.vstack([Z, by @ Z[: by.size]]), experiment.position - at.position
 
 
 def _by_resistance(par: Device, experiment: Experiment, at: Response, operation: Operation) -> Vector:
@@ -326,77 +316,53 @@ def uncertainty(
     """Standard errors at the minimum `ratios` of the cost; `fitted` causes have been taken out of the experiments."""
     doubts = doubts or Doubts()
     hidden = [name for name in HIDDEN if doubts.causes.get(name)]
-    others = [*(c for c in CAUSES if c not in (*fitted, *known_to(form))), *hidden]
-    sizes = scales(experiments)
-    at, k = linearise(form, ratios, experiments, fitted, others), ratios.size
-    weights = influences(form, ratios, experiments, at)
-    models = [simulate_batch([form.at(ratios)], e)[0] for e in experiments]
-    cov = np.sum([_by_noise(W, e, m) for W, e, m in zip(weights, experiments, models)], axis=0)
-    r = np.concatenate([weight(e, m) for e, m in zip(experiments, models)])
-    n = len(at.fitted.T)
-    shares = shares_of(at, r, {name: sizes[name] for name in others}, np.sqrt(np.diag(cov)[n:-1]))
+    known = (*fitted, "eddy") if "core_eddy" in form.fitted else fitted
+    others = [*(c for c in CAUSES if c not in known), *hidden]
+    sizes, at = scales(experiments), linearise(form, ratios, experiments, fitted, others)
+    found, n = influences(form, ratios, experiments, at), len(at.fitted.T)
+    cov = np.sum([long_run(*signal) for signals in found for signal in signals], axis=0)
+    r, errors = residuals(form, [ratios], experiments)[0], np.sqrt(np.diag(cov)[n:-1])
+    shares = shares_of(at, r, {name: sizes[name] for name in others}, errors)
     own = [*range(n), -1]
-    parts = [W.current[own] for W in weights]
+    parts = [of_current[own] for (of_current, _), *_ in found]
     moved = dict(zip(others, (at.moved / [sizes[name] for name in others]).T))
     cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts)
-    if "delay" in fitted:
-        cov = cov + _by_sampling(cov, k + fitted.index("delay"))
-    return _conclude(cov, at.lost, form, k, {name: sizes[name] for name in fitted}, shares)
-
-
-def _by_sampling(cov: Matrix, k: int) -> Matrix:
-    """What the steps of the model add, by the delay that they make, to all that goes with it."""
-    shift = STEPPED * cov[:, k] / cov[k, k]
-    return np.outer(shift, shift)
-
-
-def known_to(form: Form) -> tuple[str, ...]:
-    """Causes that the form has itself."""
-    return ("eddy",) if "core_eddy" in form.fitted else ()
-
-
-def _conclude(
-    cov: Matrix,
-    lost: npt.NDArray[np.bool_],
-    form: Form,
-    count: int,
-    sizes: Mapping[str, float],
-    shares: Mapping[str, Share],
-) -> Uncertainty:
-    """Errors from the covariance of parameters, `count`, fitted causes, and the resistance."""
-    order = [*range(count), len(cov) - 1, *range(count, len(cov) - 1)]
-    cov, lost = cov[np.ix_(order, order)], np.append(lost, False)[order]
-    if FACTOR in form.fitted:  # it is one of the resistance
-        cov, lost = _join(cov, lost, form.fitted.index(FACTOR), count)
-    cov, lost, shape = _without_shape(cov, lost, form)
-    std: Vector = np.sqrt(np.diag(cov))
-    scale, n = np.where(std > 0.0, std, 1.0), std.size - len(sizes)
-    causes = {name: float(s * size) for s, (name, size) in zip(std[n:], sizes.items())}
+    if "delay" in fitted:  # the steps of the model make one, which adds to all that goes with it
+        k = ratios.size + fitted.index("delay")
+        shift = STEPPED * cov[:, k] / cov[k, k]
+        cov = cov + np.outer(shift, shift)
+    T, names = reported(form, len(fitted)), [*form.fitted]
+    told, kept = T @ cov @ T.T, [*np.flatnonzero(T[: -1 - len(fitted), :-1].any(axis=0))]
+    std: Vector = np.sqrt(np.diag(told))
+    scale, count = np.where(std > 0.0, std, 1.0), len(kept)
     return Uncertainty(
-        relative=np.where(lost, np.inf, std)[:n],
-        correlation=cov / np.outer(scale, scale),
-        shape=shape,
-        causes=causes,
+        relative=np.append(np.where(at.lost[kept], np.inf, std[:count]), std[count]),
+        correlation=told / np.outer(scale, scale),
+        shape={
+            name: float(np.inf if at.lost[k] else np.sqrt(cov[k, k]))
+            for k, name in enumerate(names)
+            if name.startswith(SHAPE)
+        },
+        causes={name: float(s * sizes[name]) for name, s in zip(fitted, std[count + 1 :])},
         shares=shares,
     )
 
 
-def _by_noise(W: Influence, experiment: Experiment, at: Response) -> Matrix:
-    """Covariance that the residuals of one experiment make."""
-    cov = long_run(W.current, experiment.current - at.current)
-    if W.position is None or experiment.position is None or at.position is None:
-        return cov
-    return cov + long_run(W.position, experiment.position - at.position)
+def reported(form: Form, causes: int = 0) -> Matrix:
+    """What is told of what is fitted, of causes and of the resistance.
+
+    These are the parameters, then the resistance with the factor on it, then the causes; the numbers of a gap law are
+    told apart.
+    """
+    n = len(form.fitted)
+    T = np.eye(n + causes + 1)
+    T[-1, :n] = [name == FACTOR for name in form.fitted]
+    return np.asarray(T[[*parameters_of(form), -1, *range(n, n + causes)]])
 
 
-def _without_shape(
-    cov: Matrix, lost: npt.NDArray[np.bool_], form: Form
-) -> tuple[Matrix, npt.NDArray[np.bool_], dict[str, float]]:
-    """Covariance without the numbers of the gap law, and the errors of these."""
-    names = [name for name in form.fitted if name != FACTOR]
-    at = [k for k, name in enumerate(names) if name.startswith(SHAPE)]
-    errors = {names[k]: float(np.inf if lost[k] else np.sqrt(cov[k, k])) for k in at}
-    return np.delete(np.delete(cov, at, axis=0), at, axis=1), np.delete(lost, at), errors
+def parameters_of(form: Form) -> list[int]:
+    """Which of what is fitted are parameters of the device."""
+    return [k for k, name in enumerate(form.fitted) if name != FACTOR and not name.startswith(SHAPE)]
 
 
 def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[str, float]) -> Doubts:
@@ -407,16 +373,14 @@ def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[
     misfits = [0.0 if r.is_explained else np.sqrt(max(r.rms**2 - r.noise**2, 0.0)) for r in residuals]
     signals = {"offset": "current", "shift": "voltage"}
     rest = [remaining(record) for record in prepared.records]
-    errors = {cause: _rms([found.get(name, 0.0) for found in rest]) for cause, name in signals.items()}
+    errors = {cause: rms(np.array([found.get(name, 0.0) for found in rest])) for cause, name in signals.items()}
     changes = [np.diff(np.log(flux.resistances)) for flux in prepared.fluxes]
     drops = {
         "tail": abs(prepared.drive.get("drop", 0.0)) / sum(len(flux.operations) for flux in prepared.fluxes) ** 0.5
     }
-    return Doubts(misfits, errors | {"drift": _rms(np.concatenate(changes))} | drops | {**accuracy})
-
-
-def _rms(x: Sequence[float] | Vector) -> float:
-    return float(np.sqrt(np.mean(np.square(x)))) if len(x) else 0.0
+    return Doubts(
+        misfits, errors | {"drift": (rms(x) if (x := np.concatenate(changes)).size else 0.0)} | drops | {**accuracy}
+    )
 
 
 def _beyond_noise(
@@ -435,9 +399,119 @@ def _beyond_noise(
     return cov + largest([np.outer(shift, shift) for shift in shown]) if shown else cov
 
 
-def _join(cov: Matrix, lost: npt.NDArray[np.bool_], k: int, to: int) -> tuple[Matrix, npt.NDArray[np.bool_]]:
-    """Covariance with a fitted factor, at `k`, in the resistance, at `to`."""
-    T = np.eye(len(cov))
-    T[to, k] = 1.0
-    T = np.delete(T, k, axis=0)
-    return T @ cov @ T.T, np.delete(lost, k)
+STEP = 1e-3  # of a difference quotient
+LINEAR = 0.1  # doubt up to which derivatives do
+SHOWN = 10.0  # standard errors by one record that a value may be off; then the record shows it, whatever else is wrong
+ALLOWED, TRIALS = 0.1, 5  # part by which the cost may grow, and times that a smaller change is tried
+OPEN = 1.02  # least relaxed gap, in upper stops, of a spring that opens the valve
+GOES_WITH: Mapping[str, Mapping[str, float]] = {  # powers by which fitted values go with held ones, about
+    "stop_upper": {
+        "coil_turns": 0.5,
+        "core_reluctance": 1.0,
+        "mover_mass": -2.0,
+        "spring_stiffness": -2.0,
+        "damping": -2.0,
+    },
+    "spring_rest": {"spring_stiffness": -1.0},
+    "gap_slope": {"coil_turns": 0.5, "core_reluctance": 1.0},
+    "gap_area": {"coil_turns": -0.5, "core_reluctance": -1.0},
+}
+
+
+class Ended(NamedTuple):
+    """Where the fit ended."""
+
+    form: Form
+    ratios: Vector
+    experiments: list[Experiment]
+
+
+def shift(known: Device, name: str, by: float, tied: Collection[str] = ()) -> Device:
+    """The device with another value: e^by times as large, or by that part; `tied` fields go with the stroke."""
+    lower, upper = float(value_of(known, "stop_lower")), float(value_of(known, "stop_upper"))
+    old = dict(multiply(known, name, float(np.exp(by))))
+    if parts := scale(name.replace("_", ".")).parts:
+        old = {name: max(0.0, float(value_of(known, name)) + by * (1.0 if parts == "1" else upper - lower))}
+    rest, start = (float(value_of(known, field)) for field in ("spring_rest", "initial_position"))
+    if name == "spring_rest" and rest > upper:
+        old = {name: max(rest * float(np.exp(by)), min(rest, OPEN * upper))}
+    if name == "stop_upper":
+        old = {name: lower + (upper - lower) * float(np.exp(by))}
+        old |= {field: value_of(known, field) * float(np.exp(by)) for field in tied}
+    stops = {lower: old.get("stop_lower", lower), upper: old.get("stop_upper", upper)}
+    return replace_values(known, **old, initial_position=stops.get(start, start))
+
+
+def add_doubts(at: Ended, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()) -> Uncertainty:
+    """The uncertainty with what doubts about held fields add, each by itself; see `shift`."""
+    effects = [
+        largest([np.outer(x, x) for x in move_by_doubt(at, name, doubt, tied)]) for name, doubt in doubts.items()
+    ]
+    return widen(found, at.form, sum(effects[1:], effects[0])) if effects else found
+
+
+def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
+    """What becomes of the logarithms of what is fitted, if a held value is off to either side."""
+    form, one_sided = at.form, bool(scale(name.replace("_", ".")).parts)  # which may be 0, and not less
+
+    def change(by: float) -> Device:
+        return shift(form.known, name, by, tied)
+
+    def residuals(by: float) -> Vector:
+        return np.asarray(Weighted(form._replace(known=change(by)), at.experiments).residuals([at.ratios])[0])
+
+    J, r = Weighted(form, at.experiments).jacobian(at.ratios), residuals(0.0)
+    step = doubt if one_sided else STEP
+    B = (residuals(step) - (r if one_sided else residuals(-step))) / (step if one_sided else 2.0 * step)
+    slope = -np.linalg.pinv(J) @ B
+    if not one_sided and doubt <= LINEAR:
+        return [doubt * slope]
+    alike = np.array([GOES_WITH.get(name, {}).get(fitted, 0.0) for fitted in form.fitted])
+    sides = [min(doubt, bound(B + J @ slope, r))] if one_sided else [-doubt, doubt]
+    return [refit(at, change, by, (slope, alike), cost(r)) for by in sides]
+
+
+def bound(left: Vector, r: Vector) -> float:
+    """How far off a value may be by the residuals, of which a change leaves so much."""
+    size = max(float(left @ left), TINY)
+    return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(cost(r) / independent(r) / size))
+
+
+def refit(at: Ended, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float) -> Vector:
+    """The same by fits from where slopes lead; where the records do not allow a change, by a smaller one."""
+    for _ in range(TRIALS):
+        form = at.form._replace(known=change(by))
+        ends = [_end(form, at.ratios + by * slope, at.experiments) for slope in slopes]
+        ratios, least = min(ends, key=lambda end: end[1])
+        grown = least / max(before, TINY) - 1.0
+        if grown <= ALLOWED:
+            break
+        by *= float(np.clip(0.9 * np.sqrt(ALLOWED / grown), 0.1, 0.9))
+    return np.asarray(ratios - at.ratios)
+
+
+def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vector, float]:
+    """The minimum next to a start, around which its bounds are, and the cost there."""
+    law = None if form.law is None else form.law_at(start)
+    fit = Fit(form._replace(known=form.at(start), law=law))
+    ratios = fit.least_squares(fit.form.start, experiments)
+    return start + ratios, fit.cost(ratios, experiments)
+
+
+def widen(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
+    """The uncertainty with a covariance of the fitted logarithms added."""
+    names = list(form.fitted)
+    T = reported(form, len(found.causes))[:, : len(names)]
+    std = np.array([*found.relative.tolist(), *found.causes.values()])
+    sure = np.where(np.isfinite(std), std, 0.0)
+    cov = found.correlation * np.outer(sure, sure) + T @ added @ T.T
+    new = np.sqrt(np.diag(cov))
+    scaled = np.where(new > 0.0, new, 1.0)
+    correlation = np.where(np.isfinite(np.outer(std, std)), cov / np.outer(scaled, scaled), found.correlation)
+    shape = {
+        name: float(np.hypot(error, np.sqrt(added[names.index(name), names.index(name)])))
+        for name, error in found.shape.items()
+    }
+    return found._replace(
+        relative=np.where(np.isfinite(std), new, np.inf)[: found.relative.size], correlation=correlation, shape=shape
+    )

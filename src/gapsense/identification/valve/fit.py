@@ -18,9 +18,8 @@ from gapsense.identification.assumptions import scale
 from gapsense.identification.measurements.operations import Flux
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.residual import Residual, residual
-from gapsense.identification.valve.doubt import Ended, add_doubts
 from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_delay, correction, last_taken, settle
-from gapsense.identification.valve.errors import Uncertainty, doubts, uncertainty
+from gapsense.identification.valve.errors import Ended, Uncertainty, add_doubts, doubts, uncertainty
 from gapsense.identification.valve.form import (
     BOUNCE,
     EVERYTHING,
@@ -35,7 +34,7 @@ from gapsense.identification.valve.form import (
     replace_values,
     value_of,
 )
-from gapsense.identification.valve.minimise import Course, Fit, Start, Trial, best_reading
+from gapsense.identification.valve.minimise import Course, Fit, Start, Trial, best_reading, search
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
@@ -45,7 +44,6 @@ from gapsense.identification.valve.model import (
     prepare_all,
     simulate_experiment,
 )
-from gapsense.identification.valve.search import search
 
 STEPS, WHOLE = 12, 8  # of a fit to the first operations, and of those to everything, about
 POINTS = 14  # at which a step simulates: for slopes, and with several dampings

@@ -89,25 +89,18 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
         flux_linkage=flux_linkage,
         operations=shifted,
     )
-    return _with_position(made, record, first), flux
-
-
-def _with_position(experiment: Experiment, record: Record, first: int) -> Experiment:
-    """The experiment with the position, if it is to be fitted: as certain as the current, each by its noise."""
     if record.position is None or record.position_noise is None:
-        return experiment
-    i = record.current
+        return made, flux
+    i = record.current  # the position is as certain as the current, each by its noise
     least = max(noise(i), hidden(i), EXACT * float(np.abs(i).max()))
-    return experiment._replace(position=record.position[first:], amperes=least / record.position_noise)
+    return made._replace(position=record.position[first:], amperes=least / record.position_noise), flux
 
 
 def part(experiment: Experiment, operation: Operation) -> Experiment:
     """One operation."""
-    cut, (first, last) = slice(operation.start, operation.stop + 1), operation
-    names = ("halves", "resistance", "current", "flux_linkage")
-    signals = {name: getattr(experiment, name)[cut] for name in names}
-    signals["position"] = None if experiment.position is None else experiment.position[cut]
-    return experiment._replace(**signals, operations=[Operation(0, last - first)])
+    names = ("halves", "resistance", "current", "flux_linkage", *["position"] * (experiment.position is not None))
+    signals = {name: getattr(experiment, name)[operation.start : operation.stop + 1] for name in names}
+    return experiment._replace(**signals, operations=[Operation(0, operation.stop - operation.start)])
 
 
 def first_operation(experiment: Experiment) -> Experiment:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
@@ -29,7 +28,7 @@ from gapsense.identification.parameter_set import (
     write_table,
 )
 from gapsense.identification.residual import verdict
-from gapsense.identification.show import TWO_SIDED, Validation, about, compare, measured_and_model, validation
+from gapsense.identification.show import TWO_SIDED, Validation, about, compare, validation
 from gapsense.identification.temperature import Coefficient
 from gapsense.identification.valve import lossy_valve
 from gapsense.identification.valve.driver import TAKEN
@@ -83,13 +82,9 @@ def read_known(file: Path | None) -> Known:
         parameters=guess_similar(parameters_of("solenoid_valve", file, defaults), there),
         table=Path(str(table)) if law == "table" else None,
         losses=_losses(values, file),
-        resistance=_R(values),
+        resistance=float(values["coil.resistance"]) if "coil.resistance" in values else None,
         given=frozenset(known),
     )
-
-
-def _R(values: Mapping[str, Value]) -> float | None:
-    return float(values["coil.resistance"]) if "coil.resistance" in values else None
 
 
 def _losses(values: Mapping[str, Value], file: Path | None) -> dict[str, float]:
@@ -112,8 +107,10 @@ def write_valve(
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
     names = [name for name in PORTS if not name.startswith(("gap", "micro_step")) and name not in LOSSES]
+    if isinstance(par := result.parameters, lossy_valve.Parameters):  # with the losses that the device has
+        names += [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
     entries = [
-        *(_entry(name, result) for name in [*names, *_lost(result)]),
+        *(_entry(name, result) for name in names),
         *_gap(file, result, known),
         *(Entry(name, value, "of the records, for estimators") for name, value in noises.items()),
     ]
@@ -125,14 +122,6 @@ def write_valve(
         assumed=[PORTS[name].name for name in result.assumed],
         notes=notes,
     )
-
-
-def _lost(result: Identified) -> list[str]:
-    """Parameters of the losses that the device has."""
-    if not isinstance(result.parameters, lossy_valve.Parameters):
-        return []
-    par = result.parameters
-    return [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
 
 
 def _gap(file: Path, result: Identified, known: Known) -> list[Entry]:
@@ -153,6 +142,12 @@ def found(result: Identified, name: str) -> float:
         return float(value_of(result.parameters, name))
     now, before = (value_of(par, name) for par in (result.parameters, result.form.known))
     return float(now[-1] / before[-1])
+
+
+def valve_errors(result: Identified) -> dict[str, float]:
+    """Standard errors by parameter, in its unit."""
+    errors = zip(result.names, result.uncertainty.relative.tolist())
+    return {PORTS[name].name: error * found(result, name) for name, error in errors if name not in TABLE_FIELDS}
 
 
 def _entry(name: str, result: Identified) -> Entry:
@@ -313,8 +308,3 @@ def explanations(result: Identified) -> list[str]:
     if result.is_explained or not found:
         return []
     return [f"What would explain most of it, beside other values of the parameters: {', or '.join(found)}."]
-
-
-def valve_figure(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> Figure:
-    """Measured and simulated current of the records used, then of those kept for the validation."""
-    return measured_and_model("Measured and identified", [*zip(records, result.models)], checks)

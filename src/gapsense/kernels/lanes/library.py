@@ -23,7 +23,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from gapsense._os.locks import temporary_folder
+from gapsense._os.locks import CACHE, FACTS, cache_folder, temporary_folder
 from gapsense._os.native import NO_FOLDING, NativeError, own_compiler
 from gapsense.kernels.lanes.code import Code
 
@@ -33,7 +33,6 @@ FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compi
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
 PREFIX = "lanes-"  # of all that is ours in the cache
 ENDING = ".dll" if sys.platform == "win32" else ".so"
-CACHE = "GAPSENSE_CACHE"  # the folder, for who wants another
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -109,7 +108,7 @@ def distrusted(folder: Path) -> str:
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
             return f"`{folder}` is in `{parent}`, which everybody can write."
     with suppress(OSError):
-        if all(entry.name.startswith(PREFIX) for entry in real.iterdir()):
+        if all(entry.name.startswith((PREFIX, FACTS)) for entry in real.iterdir()):
             real.chmod(PRIVATE)
     return ""
 
@@ -168,15 +167,6 @@ def run(command: Sequence[str]) -> str:
     if done.returncode:
         raise NativeError(f"`{command[0]}` could not compile: {' '.join(done.stderr.split())[:300]}")
     return done.stdout
-
-
-def cache_folder() -> Path:
-    """Folder for what is worth keeping between processes."""
-    if named := os.environ.get(CACHE):
-        return Path(named)
-    home = Path("~").expanduser()
-    usual = {"win32": home / "AppData" / "Local", "darwin": home / "Library" / "Caches"}.get(sys.platform)
-    return Path(os.environ.get("XDG_CACHE_HOME") or usual or home / ".cache") / "gapsense"
 
 
 @cache

@@ -60,28 +60,30 @@ def shared(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
 
 def empty(axes: Axes, height: int) -> Any:
     """A figure without curves."""
-    zoom = bk.BoxZoomTool(dimensions="width")
+    zoom, borders = bk.BoxZoomTool(dimensions="width"), {"min_border_left": LEFT, "min_border_right": 16}
+    of_time = {"x_range": axes.range, "toolbar_location": "right", "lod_threshold": None, **borders}
+    made = blank(height, [zoom, *tools(axes)], axes.unit, **of_time)
+    made.toolbar_inner, made.y_range.only_visible = True, True
+    for event in axes.events:
+        made.add_layout(box(event, axes.factor))
+    return made
+
+
+def blank(height: int, tools: list[Any], unit: str = "", **more: Any) -> Any:
+    """A figure without curves, with tools of which the first one answers to dragging."""
+    clear = dict.fromkeys(("background_fill_color", "border_fill_color", "outline_line_color"))
     made: Any = figure(
         height=height,
         sizing_mode="stretch_width",
-        x_range=axes.range,
-        tools=[zoom, *tools(axes)],
-        active_drag=zoom,
+        tools=tools,
+        active_drag=tools[0],
         active_scroll=None,
-        toolbar_location="right",
-        min_border_left=LEFT,
-        min_border_right=16,
-        background_fill_color=None,
-        border_fill_color=None,
-        outline_line_color=None,
-        lod_threshold=None,
         output_backend="canvas",
+        **clear,
+        **more,
     )
-    made.toolbar.logo, made.toolbar.autohide, made.toolbar_inner = None, True, True
-    made.y_range.only_visible = True
-    dress(made, axes.unit)
-    for event in axes.events:
-        made.add_layout(box(event, axes.factor))
+    made.toolbar.logo, made.toolbar.autohide = None, True
+    dress(made, unit)
     return made
 
 

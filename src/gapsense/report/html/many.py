@@ -7,21 +7,20 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gapsense._os.files import Sheet, number, read_sheet
 from gapsense.cosim.result.sidecar import absolute
-from gapsense.cosim.scenario.kinds import CAMPAIGN_FILE
+from gapsense.cosim.scenario.read import CAMPAIGN_FILE
+from gapsense.many import summary
 from gapsense.many.columns import OWN, Columns, contents
 from gapsense.many.provenance import bounds
 from gapsense.many.result import KEY, Campaign, is_older, read_campaign
 from gapsense.many.store import Store
-from gapsense.many.sweep_table import AGAIN, is_table, read_sidecar
+from gapsense.many.summary import Extremes, Leading, Spread
+from gapsense.many.sweep import AGAIN, is_table, read_sidecar
 from gapsense.problems import InputError
 from gapsense.report.table import quantity
-
-if TYPE_CHECKING:
-    from gapsense.many.summary import Extremes, Leading, Spread
 
 WORST = 3  # runs that are named for each metric
 FAILED = 20  # runs that are named with their errors
@@ -53,32 +52,24 @@ class Many:
     @cached_property
     def spreads(self) -> dict[str, Spread]:
         """Quantiles of each metric and of each parameter that is a number."""
-        from gapsense.many import summary
-
         names = [*self.campaign.metrics, *summary.numeric(self.campaign)] if self.campaign.rows else []
         return {name: summary.spread(self.campaign, name) for name in names}
 
     @cached_property
     def correlations(self) -> dict[str, list[Leading]]:
         """Correlations of each metric with the parameters."""
-        from gapsense.many import summary
-
         return summary.correlations(self.campaign)
 
     @cached_property
     def levels(self) -> dict[str, list[Any] | None]:
         """Values of each parameter that has few."""
-        from gapsense.many import summary
-
         return {name: summary.levels(self.campaign, name) for name in self.campaign.factors}
 
     @cached_property
     def extremes(self) -> dict[str, Extremes]:
         """The worst runs of each metric that has any value."""
-        from gapsense.many.summary import extremes
-
         metrics = self.campaign.metrics if self.campaign.rows else ()
-        return {m: extremes(self.campaign, self.spreads[m], self.bounds(m), WORST) for m in metrics}
+        return {m: summary.extremes(self.campaign, self.spreads[m], self.bounds(m), WORST) for m in metrics}
 
     @cached_property
     def failed(self) -> list[tuple[int, str]]:
@@ -88,10 +79,8 @@ class Many:
     @cached_property
     def rows(self) -> dict[int, dict[str, Any]]:
         """Parameters and seeds of the runs that are named."""
-        from gapsense.many.summary import rows
-
         named = [one.run for found in self.extremes.values() for one in found.worst]
-        return rows(self.campaign, [*named, *(run for run, _ in self.failed)])
+        return summary.rows(self.campaign, [*named, *(run for run, _ in self.failed)])
 
     def bounds(self, metric: str) -> tuple[float, float] | None:
         """Bounds of a metric."""

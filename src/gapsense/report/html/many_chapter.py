@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bokeh.models
 import numpy as np
-from bokeh.plotting import figure
 
 from gapsense.many import summary
 from gapsense.many.provenance import EVENTS
@@ -19,7 +18,7 @@ from gapsense.problems import number_of
 from gapsense.report.distributions import Bars, Distributions, Points, named
 from gapsense.report.html import style
 from gapsense.report.html.chapter import Chapter, Verdict, limits
-from gapsense.report.html.figures import Drawn, Entry, dress, fitting
+from gapsense.report.html.figures import Drawn, Entry, blank, fitting
 from gapsense.report.html.many import Many
 from gapsense.tables import parsed_value
 
@@ -285,21 +284,8 @@ def density(made: Any, x: Any, y: Any, counts: Any) -> None:
 
 def bare() -> Any:
     """An empty figure."""
-    zoom = bk.BoxZoomTool()
-    made: Any = figure(
-        height=HEIGHT,
-        sizing_mode="stretch_width",
-        tools=[zoom, bk.PanTool(), bk.WheelZoomTool(), bk.ResetTool(), bk.SaveTool()],
-        active_drag=zoom,
-        active_scroll=None,
-        toolbar_location="above",
-        background_fill_color=None,
-        border_fill_color=None,
-        outline_line_color=None,
-        output_backend="canvas",
-    )
-    made.toolbar.logo, made.toolbar.autohide = None, True
-    dress(made, "")
+    tools = [bk.BoxZoomTool(), bk.PanTool(), bk.WheelZoomTool(), bk.ResetTool(), bk.SaveTool()]
+    made = blank(HEIGHT, tools, toolbar_location="above")
     made.xaxis.ticker.desired_num_ticks = 4
     return made
 

@@ -10,9 +10,8 @@ from typing import Any
 from gapsense.cosim import Result, Scenario, read_result
 from gapsense.cosim.result.compare import Difference, compare
 from gapsense.cosim.result.sidecar import read_sidecar
-from gapsense.cosim.run.subject import Subject
-from gapsense.cosim.scenario.kinds import REPORTED, other_kind
-from gapsense.cosim.scenario.read import load
+from gapsense.cosim.run.recording import Subject
+from gapsense.cosim.scenario.read import REPORTED, load, other_kind
 from gapsense.problems import InputError
 from gapsense.report.html.many import Many, is_many, read_many
 

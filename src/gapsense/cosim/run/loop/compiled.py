@@ -1,4 +1,4 @@
-"""Base steps in C, many per call: what loop.c works on, and what its answers mean."""
+"""The loop over base steps of a run: in C where its library loads, in Python anywhere else, with the same bits."""
 
 from __future__ import annotations
 
@@ -11,11 +11,28 @@ from typing import Any
 import numpy.typing as npt
 
 from gapsense._os.processes import MARKS
-from gapsense.cosim.events.event import Watch
 from gapsense.cosim.fmu.instance import STEP
-from gapsense.cosim.run.loop.work import Advance, Work, first_exchange, first_turn
-from gapsense.cosim.run.part import NOT_FINITE, Exchange, Part
+from gapsense.cosim.run.loop.reference import in_python
+from gapsense.cosim.run.part import NOT_FINITE, Advance, Exchange, Part, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import STOP
+from gapsense.cosim.scenario.records import Watch
+
+__all__ = ["Advance", "Work", "advancer", "language"]
+
+
+def language() -> str:
+    """What the loop is written in, as a result tells it."""
+    return "C" if entry() else "Python"
+
+
+def advancer(work: Work) -> Advance:
+    """Function that does base steps up to a given one, and says how far it came."""
+    run = entry()
+    return in_c(work, run) if run else in_python(work)
+
+
+# Base steps in C, many per call: what loop.c works on, and what its answers mean.
+
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 BINARY = SOURCE.with_name("linux64") / "loop.so"

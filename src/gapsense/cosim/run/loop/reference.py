@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from time import perf_counter
 
-from gapsense.cosim.events.event import reporter
-from gapsense.cosim.run.loop.work import Advance, Work, first_exchange, first_turn
+from gapsense.cosim.run.part import Advance, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STEP, STOP, bin_of
+from gapsense.cosim.scenario.records import reporter
 
 Do = Callable[[int], None]
 

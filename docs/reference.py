@@ -1,6 +1,6 @@
-"""The reference of scenario and study files, as pages and as JSON schemas; both are made from the tables of keys.
+"""Pages and JSON schemas that are made from the program: `python docs/reference.py docs` writes them again.
 
-`python -m gapsense.report.reference docs` writes them again.
+The keys of scenario and study files from the tables of keys, the commands from the commands.
 """
 
 from __future__ import annotations
@@ -11,99 +11,28 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from gapsense._os.files import write_atomically
-from gapsense.cosim.events.event import ACTIONS
+from gapsense.cli import app
 from gapsense.cosim.result.metrics import KINDS
-from gapsense.cosim.scenario.keys import FILE, VARIANT
+from gapsense.cosim.scenario.keys import FILE
+from gapsense.cosim.scenario.records import ACTIONS
 from gapsense.many.keys import STUDY
 from gapsense.parameters import PARAMETER_SET, VALUES
-from gapsense.tables import TABLES, Key, Section
+from gapsense.report.schema import schema, study_schema
+from gapsense.tables import Key, Section
 
-BEGIN, END = "<!-- keys: made by gapsense.report.reference -->\n", "<!-- end of keys -->\n"
+BEGIN, END = "<!-- keys: made by docs/reference.py -->\n", "<!-- end of keys -->\n"
 PAGE, SCHEMA = "scenario-file.md", "scenario.schema.json"
 STUDY_PAGE, STUDY_SCHEMA = "campaigns.md", "study.schema.json"
-DRAFT = "http://json-schema.org/draft-07/schema#"
+COMMANDS_PAGE = "commands.md"
 USES = {
     "required": "needed: signal, parameter or number",
     "optional": "may be given",
     "none": "none",
     "axis": "needed: the signal over which the curve is drawn",
 }
-
-
-# JSON schema ----------------------------------------------------------------------------------------------------------
-
-
-def schema() -> dict[str, Any]:
-    """JSON schema of a scenario file, as editors take it."""
-    own = {key.name: of_value(key) for key in VARIANT.keys}
-    laid_over = {key.name: of_key(FILE, key, True) for key in FILE.keys if key.name != "variants"}
-    variant = {"type": "object", "properties": {**laid_over, **own}, "additionalProperties": False}
-    return {
-        "$schema": DRAFT,
-        "title": "Scenario of Gapsense",
-        **of_section(FILE, False),
-        "definitions": {"variant": variant, **dict(definitions(FILE))},
-    }
-
-
-def study_schema() -> dict[str, Any]:
-    """JSON schema of a study file."""
-    own = of_section(STUDY, False)
-    return {"$schema": DRAFT, "title": "Study of Gapsense", **own, "definitions": dict(definitions(STUDY))}
-
-
-def of_section(section: Section, is_partial: bool) -> dict[str, Any]:
-    """Schema of a table; of a part of one nothing is required."""
-    if section is VARIANT:
-        return {"$ref": "#/definitions/variant"}
-    made: dict[str, Any] = {
-        "type": "object",
-        "description": section.what,
-        "properties": {key.name: of_key(section, key, is_partial) for key in section.keys},
-        "additionalProperties": of_key(section, section.free, is_partial) if section.free else False,
-    }
-    if section.free and section.free.pattern:
-        made |= {"propertyNames": {"pattern": f"^{section.free.pattern}$"}, "minProperties": 1}
-    required = [key.name for key in section.keys if key.required and not is_partial]
-    return {**made, "required": required} if required else made
-
-
-def of_key(section: Section, key: Key, is_partial: bool) -> dict[str, Any]:
-    """Schema of a value."""
-    if key.is_dotted:
-        return {"$ref": f"#/definitions/{name_of(section)}"}
-    if key.section and key.kind is TABLES:
-        return {"type": "array", "items": of_section(key.section, False)}
-    return of_section(key.section, is_partial) if key.section else of_value(key)
-
-
-def of_value(key: Key) -> dict[str, Any]:
-    """Schema of a value that is no table."""
-    made = {**key.kind.schema, "description": key.what}
-    if key.choices:
-        made["enum"] = list(key.choices)
-    return made if key.default is None else {**made, "default": key.default}
-
-
-def definitions(section: Section) -> Iterator[tuple[str, Any]]:
-    """Schemas of values by dotted name, which may be written as tables too."""
-    for key in (*section.keys, *filter(None, [section.free])):
-        if key.is_dotted:
-            name = name_of(section)
-            table = {"type": "object", "additionalProperties": {"$ref": f"#/definitions/{name}"}}
-            own = [of_section(key.section, False)] if key.section else []
-            yield name, {"anyOf": [of_value(key), *own, table], "description": key.what}
-        elif key.section:
-            yield from definitions(key.section)
-
-
-def name_of(section: Section) -> str:
-    """The last word of its header, as name of a definition."""
-    return section.header.strip("[]").rpartition(".")[2]
-
-
-# Page -----------------------------------------------------------------------------------------------------------------
 
 
 def rewritten(page: str, made: str) -> str:
@@ -209,14 +138,56 @@ def metrics() -> str:
     return "\n".join(["## Kinds of metrics\n", "| kind | what | reference |", "| --- | --- | --- |", *rows, ""])
 
 
-def write(folder: Path) -> None:
-    """Write both again."""
-    pages = {PAGE: keys(), STUDY_PAGE: study_keys()}
-    texts = {name: rewritten((folder / name).read_text(encoding="utf-8"), made) for name, made in pages.items()}
+def commands() -> str:
+    """A chapter for each command, and for each command of a group."""
+    return "\n".join(of_command(words, each) for words, each in sorted(named(typer.main.get_command(app))))
+
+
+def named(group: Any, words: str = "gapsense") -> Iterator[tuple[str, Any]]:
+    """Commands of a group by what is typed."""
+    for name, each in group.commands.items():
+        yield from named(each, f"{words} {name}") if hasattr(each, "commands") else [(f"{words} {name}", each)]
+
+
+def of_command(words: str, each: Any) -> str:
+    """What a command does, its arguments and options."""
+    rows = "".join(
+        f"| {typed(p)} | {(p.help or '-').replace('|', chr(92) + '|')} | {left_out(p)} |\n" for p in each.params
+    )
+    head = "| argument | what | without it |\n| --- | --- | --- |\n"
+    return f"## `{words}`\n\n{(each.help or '').replace('|', chr(92) + '|')}\n" + (f"\n{head}{rows}" if rows else "")
+
+
+def typed(parameter: Any) -> str:
+    """An argument or an option, with a word for its value."""
+    if parameter.param_type_name == "argument":
+        return f"`{parameter.name.upper()}`{', several' if parameter.nargs != 1 else ''}"
+    value = "" if parameter.is_flag else f" {parameter.metavar or parameter.name.upper()}"
+    return ", ".join(f"`{option}{value}`" for option in (*parameter.opts, *parameter.secondary_opts))
+
+
+def left_out(parameter: Any) -> str:
+    """What holds where an argument or option is not given."""
+    if parameter.required:
+        return "must be there"
+    if isinstance(parameter.show_default, str):
+        return str(parameter.show_default)
+    default = parameter.default
+    return "-" if default is None or callable(default) or default in (False, [], ()) else f"`{default}`"
+
+
+def made(folder: Path) -> dict[str, str]:
+    """Text of each file, by its name; what is written by hand stays."""
+    parts = {PAGE: keys(), STUDY_PAGE: study_keys(), COMMANDS_PAGE: commands()}
+    pages = {name: rewritten((folder / name).read_text(encoding="utf-8"), part) for name, part in parts.items()}
     schemas = {SCHEMA: schema(), STUDY_SCHEMA: study_schema()}
-    texts |= {name: f"{json.dumps(made, indent=2)}\n" for name, made in schemas.items()}
-    for name, text in texts.items():
-        write_atomically(folder / name, lambda file, text=text: print(text, end="", file=file))  # type: ignore[misc]
+    return {**pages, **{name: f"{json.dumps(one, indent=2)}\n" for name, one in schemas.items()}}
+
+
+def write(folder: Path) -> None:
+    """Write them again."""
+    for name, text in made(folder).items():
+        write_atomically(folder / name, lambda file, text=text: print(text, end="", file=file))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """The table of hosts: in which tools the components ran, as the tests found it, and what was not tried.
 
 `pytest tests/conformance/test_hosts.py -m slow` tries the hosts that a machine has and keeps what comes out in
-build/hosts; `python -m gapsense.report.hosts build/hosts docs` writes the page.
+build/hosts; `python docs/hosts_page.py build/hosts docs` writes the page.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NOT_TRIED = (
 )
 ABOUT = """# Hosts
 
-In which hosts the components were run, made by `python -m gapsense.report.hosts`. Each of them ran on the inputs of its
+In which hosts the components were run, made by `python docs/hosts_page.py`. Each of them ran on the inputs of its
 `reference.csv`, in libcosim on its start values beside FMPy, and the host had to end with exit code 0. A difference
 is the largest one of all outputs, relative to their nominal values. What every FMU must do in any host, wrong orders of
 calls, damaged states, calls without sense, is in `tests/conformance/`; [what to take when](native.md).

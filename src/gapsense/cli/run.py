@@ -1,0 +1,97 @@
+"""What `gapsense run` does. Given in the usual way it needs no typer, which takes longer to load than a run does."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from gapsense import cosim
+from gapsense._os.files import refuse_unwritable
+from gapsense._os.interrupts import counted
+from gapsense.cli.console import APART, FAILED, INTERRUPTED, bar, chosen, notice, problem, reported, show
+from gapsense.cosim.run.ahead import run_ahead
+from gapsense.problems import number_of
+
+SCENARIO, NATIVE, SET = "scenario", "--native", "--set"
+KINDS = {SCENARIO: Path, "--variant": str, "--fmus": Path, "--out": Path, SET: str, NATIVE: bool}
+TO = Path("results")
+COMPLETES = "_GAPSENSE_COMPLETE"  # variable of the environment: the shell asks for completions
+
+
+def straight(words: Sequence[str]) -> dict[str, Any] | None:
+    """Options of a run as they are mostly given; None for all else, which typer parses, or explains."""
+    given: dict[str, Any] = {}
+    left = iter(words)
+    for word in left:
+        name = word if word.startswith("-") else SCENARIO
+        is_named = name not in (SCENARIO, NATIVE)
+        value = next(left, "") if is_named else word
+        if name not in KINDS or not value or (is_named and value.startswith("-")) or (name in given and name != SET):
+            return None
+        given[name] = [*given.get(name, []), value] if name == SET else KINDS[name](value)
+    return given if SCENARIO in given and COMPLETES not in os.environ else None
+
+
+def run_straight(given: dict[str, Any]) -> None:
+    """Run a scenario with options that `straight` understood."""
+    with reported(), run_ahead():
+        fmus = chosen(given[SCENARIO], given.get("--fmus"), NATIVE in given)
+        run(given[SCENARIO], given.get("--variant"), fmus, given.get("--out", TO), settings=given.get(SET))
+
+
+def run(
+    scenario: Path,
+    variant: str | None,
+    fmus: Path | None,
+    to: Path = TO,
+    every: float | None = None,
+    resume: bool = False,
+    settings: Sequence[str] | None = None,
+) -> None:
+    """Run a scenario, show and save what came of it, and end the program with the exit code for that."""
+    source = cosim.changed(scenario, settings or ())
+    file = cosim.result_file(to, scenario, variant, settings or ())
+    refuse_unwritable(file, file.with_suffix(".json"))
+    saved = file.with_suffix(".checkpoint")
+    checkpoint = cosim.Checkpoint(saved, every, resume) if resume or every is not None else None
+    try:
+        with bar("running") as progress:
+            result = cosim.run(source, variant, fmus, progress=progress, checkpoint=checkpoint, **APART)
+    except cosim.FmuError as error:
+        if error.result is not None and error.result.times.size:
+            save(error.result, file)
+            notice(f"{file}: {number_of(error.result.times.size, 'row')} from before the failure.")
+        raise
+    from gapsense.report import runs  # here: the progress bar loads it while the run goes on
+
+    try:
+        show(*runs.metrics(result), *runs.events(result), runs.timing(result))
+    finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
+        is_stopped = save(result, file)
+    for remark in result.run.remarks:
+        notice(remark)
+    show(f"{file}: {number_of(result.times.size, 'row')}, {number_of(len(result.signals), 'signal')}.")
+    if result.interrupted:
+        on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
+        notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
+        raise SystemExit(INTERRUPTED)
+    if checkpoint:
+        checkpoint.file.unlink(missing_ok=True)  # nothing is left to go on with
+    failures = [m for m in result.metrics.values() if not m.passed]
+    for measured in failures:
+        problem(f"outside its bounds: {measured}")
+    raise SystemExit(INTERRUPTED if is_stopped else FAILED if failures else 0)
+
+
+def save(result: cosim.Result, file: Path) -> bool:
+    """Save a result; true after Ctrl-C meanwhile, which may have been meant for the run: only the next one stops it."""
+
+    def tell() -> None:
+        if interrupts() == 1:
+            notice(f"interrupted; {file} is being written. Ctrl-C again stops that.")
+
+    with counted(at_most=1, then=tell) as interrupts:
+        result.save(file)
+    return interrupts() > 0

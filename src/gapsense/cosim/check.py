@@ -1,0 +1,1027 @@
+"""Whether a scenario can be run: it is read, and held against the model descriptions of its FMUs; nothing is loaded."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import chain
+from math import gcd, lcm, prod
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from gapsense._os.files import read_columns, state
+from gapsense.cosim.fmu.archive import UnusableError, read_description
+from gapsense.cosim.fmu.descriptions import (
+    NUMERIC,
+    Description,
+    Descriptions,
+    Variable,
+    broken_rules,
+    describe,
+    find_fmu,
+    mended,
+)
+from gapsense.cosim.result.metrics import KINDS
+from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, varied
+from gapsense.cosim.scenario.records import (
+    ACTIONS,
+    MOST_STEPS,
+    SECTION,
+    SLACK,
+    Component,
+    Connection,
+    Event,
+    Experiment,
+    FeedthroughCycleError,
+    Metric,
+    Played,
+    Points,
+    Port,
+    RowsColumn,
+    Scenario,
+    execution_order,
+    index_of,
+    is_on_grid,
+    matching,
+    neighbours,
+    recorded_signals,
+    resolved,
+    signals,
+)
+from gapsense.parameters import is_file
+from gapsense.problems import ScenarioError, listing, suggest
+from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
+from gapsense.tables import Value, found, is_integer, is_number
+
+
+def check(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
+    """Problems of a scenario, found without running it.
+
+    Parameters
+    ----------
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content.
+    variant : str, optional
+        Variant to check; by default the scenario as it is and then every variant.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+
+    Returns
+    -------
+    list of str
+        One sentence each with file, place, what was found, what was expected and what to do; empty if all is well.
+    """
+    problems, read = inspect(scenario, variant, fmus)[:2]
+    if variant is None and read is not None:
+        for name in read.variants:
+            more = [f"variant {name}: {p}" for p in inspect(scenario, name, fmus)[0] if p not in problems]
+            problems = problems + more
+    return problems
+
+
+def remarks(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
+    """Sentences on what falls between the steps of a scenario without problems, as in `check`; it can be run."""
+    sources = [variant] if variant else [None, *load(scenario).variants]
+    found = {name: on_grid(*prepare(scenario, name, fmus)) for name in sources}
+    base = found[sources[0]]
+    more = (f"variant {name}: {said}" for name, own in found.items() for said in own if name and said not in base)
+    return base if variant else [*base, *more]
+
+
+def prepare(
+    scenario: Source, variant: str | None = None, fmus: str | Path | None = None
+) -> tuple[Scenario, dict[str, Description]]:
+    """Scenario and model descriptions, checked; raises ScenarioError with all problems of both."""
+    problems, read, descriptions = inspect(scenario, variant, fmus)
+    if problems or read is None:
+        raise ScenarioError(problems)
+    return read, descriptions
+
+
+def inspect(
+    scenario: Source, variant: str | None, fmus: str | Path | None
+) -> tuple[list[str], Scenario | None, dict[str, Description]]:
+    """Problems of file and FMUs together, the scenario as far as it could be read, and the model descriptions."""
+    draft = read_draft(scenario, variant)
+    if draft.scenario is None:
+        return draft.problems, None, {}
+    problems = list(draft.problems)
+    folder = Path(fmus) if fmus is not None else find_fmus(scenario_file(scenario))
+    descriptions = read_descriptions(draft.scenario, folder, problems)
+    read = taken(draft.scenario, descriptions)
+    problems += check_scenario(read, descriptions, draft.broken)
+    return problems, read, descriptions
+
+
+def find_fmus(scenario: Path, name: Path = FMU_FOLDER) -> Path:
+    """Folder `build/fmus` in a folder above the scenario, or below the working directory, or else what was shipped."""
+    above = (folder / name for folder in scenario.resolve().parents)
+    return next((folder for folder in (*above, name, ROOT / name) if folder.is_dir()), name)
+
+
+# Hold a scenario against the model descriptions of its FMUs; nothing is loaded or run.
+
+
+WHOLE = ("Integer", "Boolean", "Enumeration")
+AS_NUMBERS = ("Boolean", "Integer")  # types of which a Real input takes the number; true is 1
+MOST_POINTS = 10**6  # of a sweep
+MOST_JUDGED = 1000  # combinations for a component, and all its values; the FMU tells the others
+T = TypeVar("T")
+OWN = "Build the FMUs with `gapsense build%s`."  # remedies for an FMU that is missing
+FOREIGN = "Correct the path; it is relative to the scenario."
+
+
+def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> dict[str, Description]:
+    """Model description of each component whose FMU can be read; each FMU file is read once."""
+    known: dict[Path, Description | None] = {}
+    out = {}
+    own = OWN % (" --native" if NATIVE_FOLDER.name in fmus.parts[-2:] else "")
+    for name, component in scenario.components.items():
+        path = find_fmu(component.fmu, scenario.path, fmus)
+        remedy = FOREIGN if component.fmu.endswith(".fmu") else own
+        if path not in known:
+            known[path] = description_at(path, f"{scenario.path.name}, components.{name}.fmu", remedy, problems)
+        description = known[path]
+        if description is not None:
+            out[name] = sized(description, component, problems)
+    return out
+
+
+def sized(description: Description, component: Component, problems: list[str]) -> Description:
+    """The same with arrays of the sizes that a component has."""
+    structural = [v for v in description.variables.values() if v.is_structural]
+    given = {v.name: component.values[v.name] for v in structural if v.name in component.values}
+    sizes = {name: int(value) for name, value in given.items() if is_integer(value) and int(value) >= 0}
+    try:
+        return described(description.path, tuple(sizes.items())) if sizes else description
+    except UnusableError as error:
+        problems.append(f"components.{component.name}: `{description.path}` cannot be used so: {error}")
+        return description
+
+
+def description_at(path: Path, place: str, remedy: str, problems: list[str]) -> Description | None:
+    """Model description of an FMU, or None after noting why there is none."""
+    if not path.is_file():
+        present = sorted(file.stem for file in path.parent.glob("*.fmu"))
+        hint = suggest(path.stem, present) if present else "That folder has no FMU."
+        problems.append(f"{place}: there is no FMU `{path}`. {hint} {remedy}")
+        return None
+    try:
+        return described(path)
+    except UnusableError as error:
+        problems.append(f"{place}: `{path}` cannot be used: {error}")
+        return None
+
+
+def described(path: Path, sizes: tuple[tuple[str, int], ...] = ()) -> Description:
+    """Model description of an FMU file, read again only if the file has changed."""
+    return remembered(path.resolve(), sizes, *state(path))
+
+
+@lru_cache(maxsize=64)
+def remembered(path: Path, sizes: tuple[tuple[str, int], ...], *_: int) -> Description:
+    """Model description of a file in some state."""
+    return describe(path, dict(sizes))
+
+
+def check_scenario(scenario: Scenario, descriptions: Descriptions, broken: frozenset[str] = frozenset()) -> list[str]:
+    """Everything in a scenario that does not fit the FMUs, each with file and place.
+
+    Components without a description are left out; the gaps of sections that are `broken`, that is could not be read
+    completely, are no problems of their own.
+    """
+    problems = list(dict.fromkeys(Checker(scenario, descriptions, broken).problems()))
+    is_complete = len(descriptions) == len(scenario.components)
+    if is_complete and not broken & {"record", "components"}:
+        found = check_record(scenario, descriptions, "experiment" not in broken)
+        problems += [f"{scenario.path.name}, {problem}" for problem in found]
+    return problems
+
+
+def own_points(scenario: Scenario, component: str) -> Iterator[dict[str, Value]]:
+    """Combinations of the values that a sweep gives a component, telling ones if there are many; one without any."""
+
+    def own(values: Mapping[Port, T]) -> dict[Port, T]:
+        return {port: value for port, value in values.items() if port.component == component}
+
+    rows = {tuple(own(row).items()): None for row in scenario.rows}
+    points = Points([*map(dict, rows)] or ({},), own(scenario.grid))
+    for index in points.telling(MOST_JUDGED):
+        yield {port.variable: value for port, value in points[index].items()}
+
+
+class Checker:
+    """The checks of one scenario; each yields its problems."""
+
+    def __init__(self, scenario: Scenario, descriptions: Descriptions, broken: frozenset[str]) -> None:
+        self.scenario, self.descriptions, self.broken = scenario, descriptions, broken
+
+    def problems(self) -> Iterator[str]:
+        """All problems, in the order of the file."""
+        sets = check_sets(self.scenario.components, self.descriptions)
+        wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
+        values = (self.values(), self.rules(), *wiring, self.events(), self.seeds(), self.grid())
+        for problem in chain(self.singles(), sets, *values):
+            yield f"{self.scenario.path.name}, {problem}"
+
+    def singles(self) -> Iterator[str]:
+        """No second instance in one process of an FMU that can have only one per process."""
+        first: dict[Path, str] = {}
+        for name, description in self.descriptions.items():
+            if self.scenario.components[name].isolation == "process":
+                continue
+            other = first.setdefault(description.path, name)
+            if description.is_single and other != name:
+                remedy = f'Give `components.{name}` a process of its own: `isolation = "process"`.'
+                yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. {remedy}"
+
+    def values(self) -> Iterator[str]:
+        """Parameters: known, of the right type, within their limits; steps that fit the sample time."""
+        for name, description in self.descriptions.items():
+            component = self.scenario.components[name]
+            yield from check_values(component, description)
+            if "experiment" not in self.broken:
+                yield from check_grid(component, description, self.scenario.experiment)
+
+    def rules(self) -> Iterator[str]:
+        """Parameters: what an FMU states beyond FMI, also for the combinations of a sweep."""
+        for name, description in self.descriptions.items():
+            values = self.scenario.components[name].values
+            for swept in own_points(self.scenario, name):
+                place = f"sweep, components.{name}" if swept else f"components.{name}"
+                given = {n: v for n, v in {**values, **swept}.items() if not value_problem(n, v, description)}
+                problems = [] if description.rules is None else broken_rules(description.rules, given)
+                yield from (f"{place}: {problem.rstrip('.')}. Correct the parameters." for problem in problems)
+
+    def seeds(self) -> Iterator[str]:
+        """Seeds: of components that have one, stated once."""
+        for name, seed in self.scenario.seeds.items():
+            if name not in self.scenario.components:
+                yield f"seeds.{name}: {self.no_component(name)}"
+            elif name in self.descriptions:
+                yield from check_seeds(self.scenario.components[name], self.descriptions[name], seed)
+
+    def grid(self) -> Iterator[str]:
+        """Values of a sweep: not too many, of known parameters, of the right type and in their limits, no seeds."""
+        lengths = [len(self.scenario.rows) or 1, *map(len, self.scenario.grid.values())]
+        if prod(lengths) > MOST_POINTS:
+            found = f"{' x '.join(map(str, lengths))} values make {prod(lengths):.9g} combinations"
+            yield f"sweep: {found}, at most {MOST_POINTS} are gone through. Shorten a list."
+        of_components = {port: values for port, values in self.scenario.swept.items() if not self.is_event(port)}
+        for port, values in of_components.items():
+            if port.component not in self.scenario.components:
+                yield f"sweep.{port}: {self.no_component(port.component)}"
+            elif port.variable == "seed" and port.component in self.scenario.seeds:
+                yield f"sweep.{port}: the seed is also given in `seeds.{port.component}`. Keep one."
+            elif port.component in self.descriptions:
+                component, description = self.scenario.components[port.component], self.descriptions[port.component]
+                column = self.scenario.rows_columns.get(port)
+                yield from check_swept(component, description, port.variable, values, self.scenario.experiment, column)
+
+    def events(self) -> Iterator[str]:
+        """Events: targets, values, conditions and times, also for the combinations of a sweep."""
+        yield from self.of_events(self.scenario.events, SECTION)
+        for swept in own_points(self.scenario, SECTION):
+            if swept:
+                problems: list[str] = []
+                events = varied(self.scenario.events, {Port(SECTION, n): v for n, v in swept.items()}, problems)
+                yield from problems or self.of_events(events, f"sweep, {SECTION}")
+
+    def is_event(self, port: Port) -> bool:
+        """True if a sweep varies a key of an event."""
+        return port.component == SECTION and SECTION not in self.scenario.components
+
+    def of_events(self, events: Mapping[str, Event], place: str) -> Iterator[str]:
+        """Problems of events."""
+        return check_events(self.scenario, self.descriptions, events, place, "experiment" not in self.broken)
+
+    def no_component(self, name: str) -> str:
+        """Sentence for a component that the scenario does not have."""
+        return f"there is no component `{name}`. {suggest(name, self.scenario.components)}"
+
+    def resolve(self, port: Port, causality: str, place: str) -> Iterator[str]:
+        """Problems of a port that must be an input or output of a component."""
+        if port.component not in self.scenario.components:
+            yield f"{place}: {self.no_component(port.component)}"
+            return
+        if port.component not in self.descriptions:
+            return
+        variables = self.descriptions[port.component].variables
+        known = [v.name for v in variables.values() if v.causality == causality]
+        variable = variables.get(port.variable)
+        if variable is None:
+            yield f"{place}: unknown variable `{port.variable}` in `{port.component}`. {suggest(port.variable, known)}"
+        elif variable.causality != causality:
+            a = "an" if variable.causality[0] in "aeiou" else "a"
+            yield f"{place}: `{port}` is {a} {variable.causality}, an {causality} is expected. Correct the name."
+
+    def variable(self, port: Port) -> Variable | None:
+        """The variable of a port, or None where it is unknown."""
+        description = self.descriptions.get(port.component)
+        return description.variables.get(port.variable) if description else None
+
+    def connections(self) -> Iterator[str]:
+        """Both ends known, of types that fit, and of the same unit unless the connection converts."""
+        for connection in self.scenario.connections:
+            is_long = connection.place.endswith("]")
+            yield from self.resolve(connection.source, "output", connection.place + ".from" * is_long)
+            yield from self.resolve(connection.target, "input", connection.place + ".to" * is_long)
+            source, target = self.variable(connection.source), self.variable(connection.target)
+            if source is not None and target is not None:
+                yield from check_types(connection, source, target)
+                yield from check_units(connection, source, target)
+
+    def inputs(self) -> Iterator[str]:
+        """Inputs known, their constants and signals of the right type and within their limits."""
+        for port, value in self.scenario.inputs.items():
+            yield from self.resolve(port, "input", f"inputs.{port}")
+            variable = self.variable(port)
+            problem = None if variable is None else misfit(value, variable)
+            if problem:
+                yield f"inputs.{port}: {problem}"
+        for port, played in self.scenario.played.items():
+            yield from self.resolve(port, "input", f"inputs.{port}")
+            variable = self.variable(port)
+            problems = [] if variable is None else [*check_signal(played, variable)]
+            problems += [] if "experiment" in self.broken else [*check_span(played, self.scenario.experiment)]
+            yield from (f"inputs.{port}: {problem}" for problem in problems)
+
+    def driven(self) -> Iterator[str]:
+        """Every input driven exactly once."""
+        drivers: dict[Port, list[str]] = {}
+        for connection in self.scenario.connections:
+            drivers.setdefault(connection.target, []).append(connection.place)
+        for port in (*self.scenario.inputs, *self.scenario.played):
+            drivers.setdefault(port, []).append(f"inputs.{port}")
+        for port, place in self.started():
+            drivers.setdefault(port, []).append(place)
+        for port, places in drivers.items():
+            if len(places) > 1:
+                yield f"{places[-1]}: `{port}` is driven {len(places)} times, by {', '.join(places)}. Keep one."
+        if not self.broken & {"connections", "inputs"}:
+            yield from self.idle(drivers)
+
+    def started(self) -> Iterator[tuple[Port, str]]:
+        """Inputs to which the `set` of their component or else a sweep gives a value, and where."""
+        for name, description in self.descriptions.items():
+            given = self.scenario.components[name].values
+            for port in (Port(name, variable.name) for variable in description.of("input")):
+                if port.variable in given:
+                    yield port, f"components.{name}.set"
+                elif port in self.scenario.swept:
+                    yield port, f"sweep.{port}"
+
+    def idle(self, drivers: Mapping[Port, list[str]]) -> Iterator[str]:
+        """Inputs that nothing drives."""
+        for name, description in self.descriptions.items():
+            for variable in description.of("input"):
+                port = Port(name, variable.name)
+                if port not in drivers:
+                    start = "" if variable.start is None else f" (its start value is {variable.start})"
+                    yield f"components.{name}: nothing drives `{port}`. Connect it or list it in `[inputs]`{start}."
+
+    def loops(self) -> Iterator[str]:
+        """No loop of direct feedthrough."""
+        known = [c for c in self.scenario.connections if self.variable(c.source) and self.variable(c.target)]
+        try:
+            execution_order([n for n in self.scenario.components if n in self.descriptions], known, self.descriptions)
+        except FeedthroughCycleError as error:
+            yield f"connections: {error}"
+
+
+# Signals that inputs follow against the variables of these inputs and the time of the run.
+
+
+def check_signal(played: Played, variable: Variable) -> Iterator[str]:
+    """Problems of a signal with the input that is to follow it."""
+    if variable.type == "String":
+        yield "a text follows no signal. Give it a constant."
+        return
+    if played.unit and variable.unit and played.unit != variable.unit:
+        yield f"the column is in `{played.unit}`, the input in `{variable.unit}`. Convert the column."
+    if variable.type in WHOLE:
+        yield from check_whole(played, variable)
+    if variable.type in NUMERIC:
+        for value in (float(played.values.min()), float(played.values.max())):
+            if not within(value, variable):
+                yield f"{value:.9g} found, {limits(variable)} expected. Correct the value."
+
+
+def check_whole(played: Played, variable: Variable) -> Iterator[str]:
+    """Problems of a signal for an input that takes whole numbers only."""
+    if played.interpolation != "hold":
+        yield f'an input of type {variable.type} takes no values in between. Write `interpolation = "hold"`.'
+    items = [0, 1] if variable.type == "Boolean" else [*variable.items.values()]
+    fits = np.isin(played.values, items) if items else played.values == np.rint(played.values)
+    for value in played.values[~fits][:1]:
+        yield f"{value:.9g} found, a value of type {variable.type} is expected. Correct it."
+
+
+def check_span(played: Played, experiment: Experiment) -> Iterator[str]:
+    """Problem of a signal that does not cover the run."""
+    begin, end, slack = float(played.times[0]), float(played.times[-1]), SLACK * experiment.base_step
+    if begin > experiment.start + slack or end < experiment.time(experiment.count) - slack:
+        span = f"{experiment.start:.9g} s to {experiment.stop:.9g} s"
+        yield f"it has values from {begin:.9g} s to {end:.9g} s, the run is from {span}. Add what is missing."
+
+
+# Both ends of a connection: whether one can follow the other.
+
+
+def check_types(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
+    """Problems of a connection between types that do not fit, or whose values cannot be converted."""
+    ends = f"{connection.source} ({source.type}) -> {connection.target} ({target.type})"
+    is_number = target.type == "Real" and source.type in AS_NUMBERS
+    if source.type != target.type and not is_number:
+        yield (
+            f"{connection.place}: {ends}: types differ. Connect variables of one type; only a Real input takes others, "
+            "those of type Boolean and Integer."
+        )
+    elif source.items and target.items and source.items != target.items:
+        found, expected = (", ".join(f"{n} = {k}" for n, k in v.items.items()) for v in (source, target))
+        yield f"{connection.place}: {ends}: items differ, {found} and {expected}. Correct the connection."
+    elif connection.converts and target.type != "Real":
+        yield f"{connection.place}: {ends}: only a Real input takes `factor` and `bias`. Remove them."
+
+
+def check_units(connection: Connection, source: Variable, target: Variable) -> Iterator[str]:
+    """Problem of a connection between different units."""
+    sent = connection.unit or (None if connection.converts else source.unit)
+    if sent and target.unit and sent != target.unit:
+        ends = f"{connection.source} [{source.unit or 'no unit'}] -> {connection.target} [{target.unit}]"
+        after = f" after conversion to [{connection.unit}]" if connection.unit else ""
+        remedy = "Correct the connection, or give `factor`, `bias` and `unit` in `[[connections]]`."
+        yield f"{connection.place}: {ends}: units differ{after}. {remedy}"
+
+
+# Parameters, parameter sets, seeds and step sizes of components against their model descriptions.
+
+
+def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
+    """The scenario without what the parameter sets of a component have for others; its own `set` stays as it is."""
+
+    def own(component: Component) -> Component:
+        names = {v.name for v in descriptions[component.name].of("parameter")}
+        files = {path.name for path in component.sets}
+        values = {n: v for n, v in component.values.items() if n in names or component.origin[n] not in files}
+        return replace(component, values=values)
+
+    return replace(scenario, components={n: own(c) if n in descriptions else c for n, c in scenario.components.items()})
+
+
+def check_sets(components: Mapping[str, Component], descriptions: Descriptions) -> Iterator[str]:
+    """Names in a parameter set that nobody has as a parameter, if all components that are given it are known.
+
+    What none of these has may be for another component: an FMU in the same folder.
+    """
+    for file in dict.fromkeys(file for component in components.values() for file in component.sets):
+        users = [name for name, component in components.items() if file in component.sets]
+        if set(users) <= set(descriptions):
+            known = [v for user in users for v in descriptions[user].variables.values()]
+            variables = {v.name: v for v in sorted(known, key=lambda v: v.is_parameter)}  # the last of a name counts
+            names = list(components[users[0]].sets[file])
+            if not set(names) <= set(variables):
+                others = parameters_beside(description.path for description in descriptions.values())
+                names = [name for name in names if name in variables or name not in others]
+            problems = [name_problem(name, variables) for name in names]
+            yield from (f"{file.name} (given to {listing(users)}): {problem}" for problem in problems if problem)
+
+
+def check_values(component: Component, description: Description) -> Iterator[str]:
+    """Problems with the parameter values of a component, wherever they were given."""
+    for name, value in component.values.items():
+        problem = value_problem(name, value, description)
+        if problem:
+            yield f"components.{component.name} (from {component.origin[name]}): {problem}"
+    touched = {description.variables[name].array for name in component.values if name in description.variables}
+    for array in sorted(touched - {""}):
+        if missing := [v.name for v in description.arrays[array] if v.start is None and v.name not in component.values]:
+            yield f"components.{component.name}: `{missing[0]}` is missing. Give all elements of `{array}`, or none."
+
+
+def value_problem(name: str, value: Value, description: Description) -> str | None:
+    """What is wrong with setting a variable to a value before the run, or None."""
+    problem = name_problem(name, description.variables, True)
+    if problem:
+        return problem
+    return misfit(value, description.variables[name], f"`{name}` is {{}}")
+
+
+def misfit(value: Value, variable: Variable, said: str = "{} found") -> str | None:
+    """Why a variable does not take a value, or None; `said` is the beginning of the sentence."""
+    if isinstance(value, str) and variable.items and value not in variable.items:
+        return f"{said.format(found(value))}, an item of the enumeration is expected. {suggest(value, variable.items)}"
+    number = variable.number(value)
+    if not has_type(number, variable.type):
+        return f"{said.format(found(value))}, a value of type {variable.type} is expected. Correct the value."
+    if variable.type in NUMERIC and not within(float(number), variable):
+        return f"{said.format(number)}, {limits(variable)} expected. Correct the value."
+    return None
+
+
+def name_problem(name: str, variables: Mapping[str, Variable], takes_starts: bool = False) -> str | None:
+    """Why a name is that of no parameter among some variables, or None; some callers take start values too."""
+    variable = variables.get(name)
+    if variable is None:
+        return f"unknown parameter `{name}`. {suggest(name, [v.name for v in variables.values() if v.is_parameter])}"
+    if not (variable.is_settable if takes_starts else variable.is_parameter):
+        remedy = "Give its value in `[inputs]`." if variable.causality == "input" else "Remove it."
+        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy}"
+    return None
+
+
+def has_type(value: Value, kind: str) -> bool:
+    """True if a TOML value may be given to a variable of this FMI type; a Real takes whole numbers too."""
+    if kind == "Real":
+        return is_number(value)
+    if kind == "String":
+        return isinstance(value, str)
+    return isinstance(value, bool) if kind == "Boolean" else is_integer(value)
+
+
+def check_seeds(component: Component, description: Description, seed: int) -> Iterator[str]:
+    """Problems with the seed of a component."""
+    place = f"seeds.{component.name}"
+    variable = description.variables.get("seed")
+    if variable is None or variable.type != "Integer" or not variable.is_parameter:
+        yield f"{place}: the FMU `{description.name}` has no Integer parameter `seed`. Remove the entry."
+    elif "seed" in component.values:
+        yield f"{place}: `seed` is also given in {component.origin['seed']}. Keep one."
+    elif not within(float(seed), variable):
+        yield f"{place}: {seed} found, {limits(variable)} expected. Correct the value."
+
+
+def check_grid(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
+    """Problems of a component's step with the experiment and with the sample time of its FMU."""
+    place = f"components.{component.name}"
+    if component.offset + component.step > experiment.count:
+        yield (
+            f"{place}: its first step ends after {component.offset + component.step} base steps, "
+            f"the run has {experiment.count}. Reduce `step` or `offset`, or run longer."
+        )
+    variable = description.variables.get("sample_time")
+    value = component.values.get("sample_time", None if variable is None else variable.start)
+    if variable is None or not is_number(value):
+        return
+    step, sample = component.step * experiment.base_step, float(value or 0.0)
+    if sample > 0.0 and not (is_whole(step / sample) or is_whole(sample / step)):
+        yield (
+            f"{place}: its step is {step:.9g} s and `sample_time` is {sample:.9g} s; one must be a whole multiple of "
+            "the other. Change `step`, `base_step` or `sample_time`."
+        )
+
+
+def check_swept(
+    component: Component,
+    description: Description,
+    name: str,
+    values: Sequence[Value],
+    experiment: Experiment,
+    column: RowsColumn | None = None,
+) -> Iterator[str]:
+    """Problems with the values that a sweep gives a parameter of a component, in a list or in a column of its rows."""
+    place = f"sweep.{component.name}.{name}"
+    if problem := name_problem(name, description.variables, True):
+        yield f"{place}: {problem}"
+        return
+    if description.variables[name].is_structural:
+        yield f"{place}: it decides the sizes of arrays. Set it in `components.{component.name}.set`, or in variants."
+        return
+    unit = description.variables[name].unit or ""
+    if column and column.unit not in ("", unit):
+        yield (
+            f"{place} ({column.file}, line 1, column {column.number}): it is in `{column.unit}`, `{unit or '1'}` is "
+            "expected, and nothing is converted. Convert the column."
+        )
+    for row, value in enumerate(values):
+        problem = value_problem(name, value, description)
+        if problem:
+            yield f"{place}{f' ({column.place(row)})' if column else ''}: {problem}"
+        elif name == "sample_time":
+            yield from check_grid(replace(component, values={name: value}), description, experiment)
+
+
+def is_whole(ratio: float) -> bool:
+    """True for a whole number of at least 1, within 1e-9."""
+    return math.isfinite(ratio) and round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * round(ratio)
+
+
+def within(value: float, variable: Variable) -> bool:
+    """True if a value lies within the limits of a variable and of its type."""
+    low, high = ends(variable)
+    return (low is None or value >= low) and (high is None or value <= high)
+
+
+def ends(variable: Variable) -> tuple[float | None, float | None]:
+    """Smallest and largest value of a variable, None where there is no limit."""
+    low, high = variable.range or (None, None)
+    return low if variable.min is None else variable.min, high if variable.max is None else variable.max
+
+
+def limits(variable: Variable) -> str:
+    """Limits of a variable as messages name them."""
+    low, high = ends(variable)
+    unit = f" {variable.unit}" if variable.unit else ""
+    return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"
+
+
+# Parameters of the FMUs that lie beside those of a scenario: what a parameter set may have for other components.
+
+
+def parameters_beside(fmus: Iterable[Path]) -> frozenset[str]:
+    """Names of the parameters of all FMUs in the folders of some; one that cannot be read has none."""
+    files = {file for folder in {fmu.parent for fmu in fmus} for file in folder.glob("*.fmu")}
+    return frozenset().union(*(_parameters(file.resolve(), *state(file)) for file in files))
+
+
+@lru_cache(maxsize=256)
+def _parameters(file: Path, *_: int) -> frozenset[str]:
+    """Those of a file in some state."""
+    try:
+        root, _text = mended(read_description(file)[0])
+    except (UnusableError, SyntaxError):  # of the XML; whoever uses the FMU is told
+        return frozenset()
+    return frozenset(v.get("name", "") for v in root.iter() if v.get("causality") == "parameter")
+
+
+# Recorded signals, metrics and baseline of a scenario against the signals of its FMUs.
+
+
+UNKNOWN = 4e9  # bytes, of a machine that does not tell
+
+
+def check_record(scenario: Scenario, descriptions: Descriptions, knows_times: bool = True) -> Iterator[str]:
+    """Problems with what is recorded and with what is made of it; all components must have a description."""
+    recorded = recorded_signals(scenario, descriptions)
+    yield from unmatched(scenario.record.signals, signals(descriptions), "record.signals")
+    if knows_times:
+        yield from check_size(scenario, len(recorded), memory())
+    for metric in scenario.metrics:
+        yield from metric_problems(metric, recorded, descriptions)
+        if metric.event is not None and metric.event not in scenario.events:
+            known = suggest(metric.event, scenario.events)
+            yield f"metrics.{metric.name}.event: there is no event `{metric.event}`. {known}"
+        if knows_times:
+            yield from check_window(metric, scenario)
+    yield from unmatched(scenario.baseline.signals or (), recorded, "baseline.signals")
+    yield from unmatched(scenario.baseline.tolerances, recorded, "baseline.tolerances")
+
+
+def check_size(scenario: Scenario, signals: int, most: float) -> Iterator[str]:
+    """Problem of a record that does not fit into the memory."""
+    rows = scenario.experiment.count // scenario.record.decimation + 1
+    size = 8.0 * rows * (signals + 1)
+    if size > most:
+        found = f"{rows} rows of {signals} signals are {size / 1e9:.3g} GB, at most {most / 1e9:.3g} GB are kept"
+        yield f"record: {found}, half the memory. Record fewer signals, or raise `decimation`."
+
+
+def memory() -> float:
+    """Half of the memory of this machine, where it can be asked [bytes]."""
+    try:
+        return 0.5 * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return UNKNOWN
+
+
+def unmatched(patterns: Iterable[str], names: Iterable[str], place: str) -> Iterator[str]:
+    """Problem of each pattern that matches nothing."""
+    for pattern in patterns:
+        if not matching([pattern], names):
+            yield f"{place}: `{pattern}` matches no input or output. {suggest(pattern, names)}"
+
+
+def metric_problems(metric: Metric, recorded: Mapping[str, Variable], descriptions: Descriptions) -> Iterator[str]:
+    """Problems of one metric: signals recorded, reference known, times in seconds, units equal."""
+    place = f"metrics.{metric.name}"
+    for key, signal in {"signal": metric.signal, "where": metric.where, "time": metric.time}.items():
+        if signal is not None and signal not in recorded:
+            yield f"{place}.{key}: {not_recorded(signal, recorded, descriptions)}"
+    units = {name: variable.unit for name, variable in recorded.items() if variable.unit}
+    if units.get(metric.time or "", "s") != "s":
+        yield f"{place}.time: `{metric.time}` is in {units[metric.time or '']}, s expected. Correct the name."
+    name = metric.reference
+    if not isinstance(name, str):
+        return
+    is_axis = KINDS[metric.kind].reference == "axis"
+    target = recorded.get(name) or (None if is_axis else parameter(name, descriptions))
+    if target is None:
+        yield f"{place}.reference: {not_recorded(name, recorded, descriptions)}"
+    elif target.unit and not is_axis and units.get(metric.signal, target.unit) != target.unit:
+        pair = f"{metric.signal} [{units[metric.signal]}] is compared with {name} [{target.unit}]"
+        yield f"{place}: {pair}: units differ. Correct the reference."
+
+
+def not_recorded(name: str, recorded: Iterable[str], descriptions: Descriptions) -> str:
+    """Sentence for a signal that the run does not record."""
+    if name in signals(descriptions):
+        return f"`{name}` is not recorded. Add it to `record.signals`."
+    return f"unknown signal `{name}`. {suggest(name, recorded)}"
+
+
+def parameter(name: str, descriptions: Descriptions) -> Variable | None:
+    """The numeric parameter called `component.parameter`, if there is one."""
+    component, _, own = name.partition(".")
+    variable = descriptions[component].variables.get(own) if component in descriptions else None
+    return variable if variable and variable.is_parameter and variable.type in ("Real", "Integer") else None
+
+
+# Whether the window of a metric has samples: recorded rows at which the component of its signal has just stepped.
+
+
+def check_window(metric: Metric, scenario: Scenario) -> Iterator[str]:
+    """Problem of a metric that would have no samples, whatever its signals are."""
+    component = scenario.components.get(metric.signal.partition(".")[0])
+    if component is None:
+        return
+    place = f"metrics.{metric.name}"
+    decimation, experiment = scenario.record.decimation, scenario.experiment
+    first = first_row(component, decimation)
+    if first is None:
+        yield (
+            f"{place}: `{component.name}` never steps at a row that is recorded: its step is {component.step}, its "
+            f"offset {component.offset}, and `record.decimation` {decimation} base steps. Change one of them."
+        )
+        return
+    if metric.time is not None or metric.event is not None:  # times that are known only then
+        return
+    every, base = lcm(component.step, decimation), experiment.base_step
+    if metric.after is not None:
+        steps = (metric.after - experiment.time(first)) / base + SLACK
+        first += every * (1 + int(min(steps, experiment.count) // every)) if steps >= 0.0 else 0
+    is_late = metric.before is not None and experiment.time(first) >= metric.before - SLACK * base
+    if first > experiment.count or is_late:
+        limits = {"after": metric.after, "before": metric.before}
+        window = " and ".join(f"`{key}` = {limit:.9g} s" for key, limit in limits.items() if limit is not None)
+        span = f"from {experiment.start:.9g} s to {experiment.stop:.9g} s with a sample every {every * base:.9g} s"
+        yield f"{place}: no sample has {window or 'its place'} in a run {span}. Correct the window."
+
+
+def first_row(component: Component, decimation: int) -> int | None:
+    """First base step that is recorded and ends a step of the component; None if there is never one."""
+    step, offset = component.step, component.offset
+    common = gcd(step, decimation)
+    if offset % common:
+        return None
+    turns = decimation // common  # offset + step * j is a multiple of the decimation for one j of so many
+    j = -(offset // common) * pow(step // common, -1, turns) % turns if turns > 1 else 0
+    return offset + step * (j or turns)
+
+
+# What a time grid is too coarse for: components, what drives them, events. It is told, and the run goes on.
+
+
+FEW = 10  # base steps of a run, and rows of a record
+ABOVE = 5.0  # steps of a component that are so many times its own are told
+WITHIN = {"s": 10.0, "Hz": 1.0}  # steps that a period has, and one of a frequency, which drives give as means
+PULSE = 0.25  # of the span of a signal: what rises so far between two steps is told
+ROUNDING = 1e-9
+ASKED = "Is `base_step` as it should be?"
+
+
+def on_grid(scenario: Scenario, descriptions: Descriptions) -> list[str]:
+    """Sentences on what falls between the steps of a scenario that has no problems."""
+    experiment = scenario.experiment
+    told = [*few(experiment, scenario.record.decimation)]
+    for name, component in scenario.components.items():
+        told += own_step(component, descriptions[name], experiment)
+        told += periods(component, descriptions[name], experiment)
+    for port, played in scenario.played.items():
+        told += pulses(f"inputs.{port}", played, experiment, experiment.base_step)
+    for event in scenario.events.values():
+        told += short(event, scenario)
+    return told
+
+
+def few(experiment: Experiment, decimation: int) -> Iterator[str]:
+    """That a run has few steps, or its record few rows."""
+    rows = experiment.count // decimation + 1
+    if experiment.count < FEW:
+        yield f"experiment: the run has {experiment.count} base steps, which show little. {ASKED}"
+    elif rows < FEW:
+        yield f"record: {rows} rows are recorded, which show little. Is `decimation` as it should be?"
+
+
+def own_step(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
+    """That a component steps much longer than it is made for: than its samples, or than its default experiment."""
+    variable, step = description.variables.get("sample_time"), component.step * experiment.base_step
+    given = component.values.get("sample_time", variable.start if variable else None)
+    what, own = "`sample_time`", float(given or 0.0) if is_number(given) else 0.0
+    if own <= 0.0 and description.step_size:
+        what, own = "the step of its FMU's default experiment", description.step_size
+    if own > 0.0 and step > ABOVE * own * (1.0 + ROUNDING):
+        yield (
+            f"components.{component.name}: its step is {step:.9g} s, {step / own:.4g} times {what}, {own:.9g} s: what "
+            f"happens between is lost. {ASKED}"
+        )
+
+
+def periods(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
+    """Periods and pulses of what a component generates that its steps do not resolve."""
+    step = component.step * experiment.base_step
+    values: dict[str, Value] = {v.name: v.start for v in description.of("parameter") if v.start is not None}
+    values.update(component.values)
+    ports = {port.name: port for port in description.rules.ports} if description.rules else {}
+    choices = {choice: values.get(p.name) == choice for p in ports.values() for choice in p.choices}
+    for variable in description.of("parameter"):
+        name, value = variable.name, values.get(variable.name)
+        group, _, last = name.rpartition(".")
+        if not choices.get(group.partition(".")[0], True):  # of what is not chosen
+            continue
+        word = {"s": "period", "Hz": "frequency"}.get(variable.unit or "")
+        if word and last.endswith(word) and is_number(value) and float(value or 0.0) > 0.0:
+            period = float(value or 0.0) if word == "period" else 1.0 / float(value or 1.0)
+            if period < WITHIN[variable.unit or ""] * step * (1.0 - ROUNDING):
+                yield (
+                    f"components.{component.name}: `{name}` is {value} {variable.unit}, a period of {period:.9g} s, and"
+                    f" its step {step:.9g} s: its changes fall between two steps. {ASKED}"
+                )
+        columns = ports[name].columns if name in ports else ()
+        if columns and isinstance(value, str) and name in component.values and is_file(name, value):
+            yield from of_table(f"components.{component.name}.{name}", value, columns[0], experiment, step)
+
+
+def of_table(place: str, file: str, first: str, experiment: Experiment, step: float) -> Iterator[str]:
+    """Pulses of a table over time."""
+    if not first.startswith("time"):
+        return
+    try:
+        columns = read_columns(Path(file))
+    except (OSError, ValueError):  # which the FMU tells
+        return
+    times = columns.pop("time", np.empty(0))
+    for values in columns.values():
+        yield from pulses(place, Played(times, values), experiment, step)
+
+
+def pulses(place: str, played: Played, experiment: Experiment, step: float) -> Iterator[str]:
+    """Samples of a signal that no step comes near: a pulse between two steps."""
+    is_inside = (played.times > experiment.start) & (played.times < experiment.stop)
+    times, values = played.times[is_inside], played.values[is_inside]
+    if not times.size or not (span := float(np.ptp(played.values))) > 0.0:
+        return
+    before = np.floor((times - experiment.start) / step + ROUNDING)
+    slack = ROUNDING * step
+    ends = [played.at(experiment.start + (before + k) * step, slack) for k in (0, 1)]
+    far = np.maximum(values - np.maximum(*ends), np.minimum(*ends) - values) > PULSE * span
+    if far.any():
+        yield (
+            f"{place}: {int(far.sum())} samples, the first at {times[np.argmax(far)]:.9g} s, lie in pulses between two "
+            f"steps of {step:.9g} s, which nobody gets. {ASKED}"
+        )
+
+
+def short(event: Event, scenario: Scenario) -> Iterator[str]:
+    """An event that is over before the component of its target steps, or before a row is recorded."""
+    experiment, component = scenario.experiment, scenario.components.get(event.target.component)
+    length = event.duration
+    if length is None and event.at is not None and event.until is not None:
+        length = event.until - event.at
+    every = max(component.step if component else 1, scenario.record.decimation) * experiment.base_step
+    if event.enabled and length is not None and length < every * (1.0 - ROUNDING):
+        yield (
+            f"events.{event.name}: it lasts {length:.9g} s, and its target steps or is recorded every {every:.9g} s: "
+            "it may fall between. Let it last longer, or step and record more often."
+        )
+
+
+# Events of a scenario against its FMUs and its time grid.
+
+
+def check_events(
+    scenario: Scenario, descriptions: Descriptions, events: Mapping[str, Event], place: str, knows_times: bool
+) -> Iterator[str]:
+    """Problems of events with the FMUs and, where the time grid is known, with that."""
+    if events and SECTION in scenario.components:
+        yield f"components.{SECTION}: in a scenario with events no component has this name. Rename it."
+    for event in events.values():
+        at = f"{place}.{event.name}"
+        yield from (f"{at}.{problem}" for problem in target_problems(event, scenario, descriptions))
+        yield from (f"{at}.when.signal: {problem}" for problem in signal_problems(event, scenario, descriptions))
+        if knows_times:
+            yield from (f"{at}.{problem}" for problem in time_problems(event, scenario.experiment))
+            yield from (f"{at}.{problem}" for problem in start_problem(event, scenario, descriptions))
+
+
+def target_problems(event: Event, scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
+    """Problems with the target of an event, and with what is done to it."""
+    name = event.target.component
+    if name not in scenario.components:
+        yield f"target: there is no component `{name}`. {suggest(name, scenario.components)}"
+        return
+    for one in resolved({"": event}, scenario.connections).values():
+        description = descriptions.get(one.target.component)
+        if description is None:
+            continue
+        variable = description.variables.get(one.target.variable)
+        problem = refusal(one, variable, description)
+        if problem:
+            yield problem
+        elif variable is not None:
+            yield from value_problems(one, variable, scenario, description)
+
+
+def refusal(event: Event, variable: Variable | None, description: Description) -> str:
+    """Why an event cannot act on a variable at all, or nothing."""
+    port, action = event.target, ACTIONS[event.action]
+    tunable = [v.name for v in description.variables.values() if v.is_tunable]
+    if variable is None:
+        known = [*(v.name for c in ("input", "output") for v in description.of(c)), *tunable]
+        return f"target: unknown variable `{port.variable}` in `{port.component}`. {suggest(port.variable, known)}"
+    if variable.causality == "output":
+        return f"target: the output `{port}` drives no input. Connect it, or choose another target."
+    if variable.causality != "input" and not variable.is_tunable:
+        others = f"tunable ones are {listing(tunable)}" if tunable else "it has none that is tunable"
+        return f"target: `{port}` is fixed: FMI lets nobody change it during a run; {others}. Choose another target."
+    if variable.type == "String":
+        return f"target: `{port}` is a text, which no event changes. Choose another target."
+    if action.only_real and variable.type != "Real":
+        return f"action: `{event.action}` needs a target of type Real, `{port}` is {variable.type}. Use `set`."
+    if variable.is_tunable and not action.on_parameter:
+        return f"action: `{event.action}` is for inputs, `{port}` is a parameter. Choose another action."
+    return ""
+
+
+def value_problems(event: Event, variable: Variable, scenario: Scenario, description: Description) -> Iterator[str]:
+    """Values that the target does not take, as far as they are known before the run."""
+    result = event.value if event.action in ("set", "ramp") else None
+    if result is not None and (problem := misfit(result, variable)):
+        yield f"value: {problem}"
+    elif variable.is_tunable:
+        values: dict[str, Value] = {v.name: v.start for v in description.of("parameter") if v.start is not None}
+        values.update(scenario.components[event.target.component].values)
+        result = changed(event, values.get(variable.name)) if result is None else result
+        problems = [] if result is None else tuned_problems(variable, result, values, description)
+        yield from (f"value: `{event.target}` becomes {result}: {problem} Correct the value." for problem in problems)
+
+
+def tuned_problems(
+    variable: Variable, result: Value, values: Mapping[str, Value], description: Description
+) -> list[str]:
+    """Why a component does not take a new value of a parameter beside those of the others."""
+    if is_number(result) and not within(float(result), variable):
+        return [f"{limits(variable)} expected."]
+    if description.rules is None:
+        return []
+    before = broken_rules(description.rules, values)
+    now = broken_rules(description.rules, {**values, variable.name: result})
+    return [f"{problem.rstrip('.')}." for problem in now if problem not in before]
+
+
+def changed(event: Event, nominal: Value | None) -> float | None:
+    """What a shift or a factor makes of a parameter, or None where that is not known."""
+    if not (is_number(nominal) and is_number(event.value)) or event.action not in ("bias", "scale"):
+        return None
+    own, other = float(nominal or 0.0), float(event.value or 0.0)
+    return own + other if event.action == "bias" else own * other
+
+
+def signal_problems(event: Event, scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
+    """Problems with the signal of a condition."""
+    if event.when is None:
+        return
+    port: Port = event.when.signal
+    if port.component not in scenario.components:
+        yield f"there is no component `{port.component}`. {suggest(port.component, scenario.components)}"
+    elif port.component in descriptions:
+        variables = descriptions[port.component].variables
+        known = [v.name for v in variables.values() if v.causality in ("input", "output") and v.type != "String"]
+        if port.variable not in known:
+            found = "no input or output that is a number" if port.variable in variables else "unknown"
+            yield f"`{port}`: {found}. {suggest(port.variable, known)}"
+
+
+def time_problems(event: Event, experiment: Experiment) -> Iterator[str]:
+    """Times that are not on base steps or outside of the run, durations that are no whole number of base steps."""
+    after, lasting = (event.when.after, event.when.lasting or None) if event.when else (None, None)
+    begins = {"at": event.at, "when.after": after}
+    for key, time in {**begins, "until": event.until}.items():
+        is_near = time is not None and abs(index_of(time, experiment)) <= MOST_STEPS
+        if time is not None and is_near and not is_on_grid(time, experiment):
+            between = " and ".join(f"{t:.9g} s" for t in neighbours(time, experiment))
+            yield f"{key}: {time:.9g} s is no base step but between {between}. Choose one of them."
+    last = {**dict.fromkeys(begins, experiment.count), "until": MOST_STEPS}
+    for key, time in {**begins, "until": event.until}.items():
+        if time is not None and not 0 <= index_of(time, experiment) <= last[key]:
+            span = f"{experiment.start:.9g} s to {experiment.stop:.9g} s"
+            yield f"{key}: {time:.9g} s is outside of the run from {span}. Correct the time."
+    lengths = {"over": event.over, "duration": event.duration, "when.for": lasting}
+    for key, length in lengths.items():
+        if length is not None and not is_whole(length / experiment.base_step):
+            found = f"{length:.9g} s is {length / experiment.base_step:.9g} base steps of {experiment.base_step:.9g} s"
+            yield f"{key}: {found}, a whole number of at least 1 expected. Correct the time."
+
+
+def start_problem(event: Event, scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
+    """Problem of an event on an input at the start that needs what was before."""
+    description = descriptions.get(event.target.component)
+    variable = description.variables.get(event.target.variable) if description else None
+    at_start = event.at is not None and index_of(event.at, scenario.experiment) == 0
+    if variable is not None and not variable.is_parameter and at_start and ACTIONS[event.action].remembers:
+        remedy = "Begin later, or use `set`."
+        yield f"at: at the start there is no value before, with which `{event.action}` could begin. {remedy}"

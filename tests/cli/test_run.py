@@ -1,0 +1,58 @@
+"""`gapsense run` given in the usual way, which needs no parser of command lines."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gapsense.cli.run import straight
+
+
+@pytest.mark.parametrize(
+    ("words", "given"),
+    [
+        (["my_valve"], {"scenario": Path("my_valve")}),
+        (["my_valve", "--native"], {"scenario": Path("my_valve"), "--native": True}),
+        (
+            ["--variant", "cold", "a", "--set", "v.x=-1", "--set", "v.y=2", "--out", "b.csv"],
+            {"--variant": "cold", "scenario": Path("a"), "--set": ["v.x=-1", "v.y=2"], "--out": Path("b.csv")},
+        ),
+    ],
+)
+def test_usual_options_are_understood(words, given):
+    assert straight(words) == given
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *([], [""], ["a", "b"], ["-h"], ["a", "--out"], ["a", "--out", "--native"], ["a", "--out=b"], ["a", "--"]),
+        *(["a", "--native", "--native"], ["a", "--variant", "x", "--variant", "y"], ["a", "--checkpoint", "1e-3"]),
+        *(["a", "--check"], ["--set", "v.x=1"], ["a", "--nativ"], ["a", "--set", ""]),
+    ],
+)
+def test_other_words_are_left_to_the_command_line(words):
+    assert straight(words) is None
+
+
+def test_shell_that_asks_for_completions_gets_them_from_the_command_line(monkeypatch):
+    monkeypatch.setenv("_GAPSENSE_COMPLETE", "complete_bash")
+    assert straight(["a"]) is None
+
+
+def test_usual_run_loads_neither_typer_nor_fmpy(tmp_path):
+    code = (
+        "import sys, gapsense.__main__ as m\n"
+        "try:\n    m.main()\n"
+        "except SystemExit as end:\n    code = end.code\n"
+        "print(code, sorted({'typer', 'fmpy', 'lxml', 'pydantic'} & set(sys.modules)))"
+    )
+    for _ in range(2):  # the first may have to read the FMUs
+        command = [sys.executable, "-c", code, "run", "semera_valve", "--out", str(tmp_path / "a.csv")]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "0 []"
+    assert (tmp_path / "a.csv").is_file()
