@@ -159,9 +159,9 @@ def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inp
 def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, par: Parameters) -> State:
     """How well an operation was explained, and whether it landed harder than it was to."""
     is_good, is_soft = inputs.misfit < GOOD, law.was_plain < 1.0
-    early = where(state.by_model > 0.0, TWICE, ALLOWED) * law.speed  # a contact that lands so hard is soon left
-    most = HARD + where(state.cycles < YOUNG, early, TWICE * par.approach_least)
-    is_hard = inputs.estimated_impact_speed > most
+    planned_speed = where(state.cycles < YOUNG, law.speed, par.approach_least)
+    most, hardest = HARD + TWICE * planned_speed, HARD + ALLOWED * par.approach_first
+    is_hard = inputs.estimated_impact_speed > where(most < hardest, most, hardest)
     is_hard = is_hard & is_soft & is_good & (has_landed > 0.0)
     fewer = where(state.landed_hard > FORGIVEN, state.landed_hard - FORGIVEN, 0.0)
     return state._replace(
