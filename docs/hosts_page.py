@@ -19,14 +19,14 @@ KINDS = {"python": "Python FMU", "native": "native FMU", "native3": "native FMU,
 NOT_TRIED = (
     (
         "Simulink, Dymola, OpenModelica, TwinCAT",
-        "not to be had on the machines of the tests: the native FMU is for them",
+        "not available on the test machines: the native FMU is for them",
     ),
     (
         "pathsim-fmi, but by hand",
         "FMI 3.0: 0.1.1 reads each output into one number; of 14 components 8 ran, all with `gapsense build --scalars`",
     ),
     ("fmusim of the Reference-FMUs, FMU Compliance Checker", "no sources at hand; earlier Python FMUs ran in both"),
-    ("macOS", "no such machine: the native FMUs have binaries, and that they load is not known"),
+    ("macOS", "no such machine: the native FMUs have binaries, but whether they load is not known"),
     ("Windows itself", "native FMUs by wine alone; Python FMUs have pythonfmu's own binary there"),
     ("processors other than x86_64 and aarch64", "no binaries; every native FMU has its sources"),
 )

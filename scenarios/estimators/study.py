@@ -26,15 +26,15 @@ def estimators(
     scenario: Scenario = Path("estimators"),
     variant: Variants = None,
     seeds: Annotated[
-        int, typer.Option(help="Runs of a condition without draws of wrong parameters", min=1, max=10**7)
+        int, typer.Option(help="Runs of each condition that does not draw wrong parameters", min=1, max=10**7)
     ] = 8,
     workers: Annotated[int, typer.Option(help="Processes; only the cost per step depends on it", min=1, max=1000)] = 2,
     fmus: Fmus = None,
     to: Out = Path("results"),
 ) -> None:
-    """Run all estimators on the same actuator under ten conditions, and eight that nobody tuned on, through the FMUs.
+    """Run the FMUs of all estimators on one actuator, under ten conditions and eight on which nothing was tuned.
 
-    Errors, missed landings, latency, cost per step, and what each needs. It goes on after an interruption.
+    Errors, missed landings, latency, cost per step, and what each needs. It continues after an interruption.
     """
     from gapsense._os.files import write_atomically
     from gapsense.report import plot

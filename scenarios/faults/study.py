@@ -14,7 +14,7 @@ FIGURES["faults"] = f"{__package__}.show:run_figure"
 
 @study("faults")
 def faults(scenario: Scenario = Path("faults"), fmus: Fmus = None, to: Out = Path("results")) -> None:
-    """Estimators under every fault of a scenario: errors, time until their health tells, a figure of the sensor's."""
+    """Run estimators under every fault of a scenario: errors, time until `health` shows it, a figure."""
     from gapsense import cosim
     from gapsense.report import plot
 

@@ -20,6 +20,7 @@ def run_figure(result: cosim.Result) -> Any:
         over(axis, result, ("core_field", 1e-3), ("flux_density", 1.0))
         axis.set_xlabel("field in the core / (kA/m)")
     middle.set_xlim(-NEAR, NEAR)
+    middle.set_xticks([-NEAR, 0.0, NEAR])
     whole.set_ylabel("flux density in the core / T")
     legend(middle)
     return figure

@@ -17,7 +17,7 @@ FIGURES["pot_magnet"] = f"{__package__}.figure:run_figure"
 def hybrid_ekf(
     seeds: Annotated[int, typer.Option(help="Runs at each level of noise", min=1, max=10**7)] = 100,
     mismatch: Annotated[float, typer.Option(help="Largest relative error of the filter's parameters")] = 0.05,
-    orientation: Annotated[str, typer.Option(help="Of the magnet: consistent or printed")] = "consistent",
+    orientation: Annotated[str, typer.Option(help="Orientation of the magnet: consistent or printed")] = "consistent",
     to: Out = Path("results"),
 ) -> None:
     """RMS deviations of HybridEkf over time, noise and wrong parameters, [HEKF] Figs. 8-11, with the open loop."""

@@ -31,7 +31,7 @@ def profiles(
 ) -> None:
     """Sweep the voltage profiles of [RTS] Section IV-F through the FMUs: Figs. 12, 14, 15 and percentiles.
 
-    With the mode from exact contact, from the thresholds (68)-(69), and with earlier pulses. It goes on after an
+    The mode comes from exact contact or the thresholds (68)-(69); pulses also come earlier. It continues after an
     interruption.
     """
     for name in variant or ALL:

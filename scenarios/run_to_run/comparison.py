@@ -66,7 +66,7 @@ def compared(
     seed : int
         Of the actuators and of the noise.
     workers : int
-        Processes; the numbers do not depend on it.
+        Number of processes; results do not depend on it.
     file : Path, optional
         Takes what is computed, task by task; another call goes on from there.
     progress : callable, optional

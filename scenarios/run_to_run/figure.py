@@ -28,6 +28,7 @@ def run_figure(result: Result) -> Figure:
     parts = cycles(result)
     _motions(axes[0, 0], result, parts)
     _landings(axes[0, 1], result, parts)
+    plot.legend_below(figure)
     return figure
 
 
@@ -57,7 +58,6 @@ def _landings(axis: Any, result: Result, parts: list[slice]) -> None:
     axis.set_yscale("log")
     axis.set_xlabel("cycle")
     axis.set_ylabel("speed / (m/s)")
-    axis.legend(frameon=False, fontsize="small")
 
 
 def _impacts(result: Result, part: slice) -> tuple[float, float]:

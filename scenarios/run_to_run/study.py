@@ -17,19 +17,19 @@ FIGURES["run_to_run"] = f"{__package__}.figure:run_figure"
 def run_to_run(
     runs: Annotated[int, typer.Option(help="Actuators", min=1, max=10**7)] = 200,
     cycles: Annotated[
-        int, typer.Option(help="Of each, where a condition needs no other number", min=2, max=10**7)
+        int, typer.Option(help="Cycles of each actuator, unless a condition needs another number", min=2, max=10**7)
     ] = 40,
     seed: Annotated[
-        int, typer.Option(help="Of actuators and noise; the laws were tuned on 1 and 2", min=0, max=2**31 - 1)
+        int, typer.Option(help="Seed of actuators and noise; the laws were tuned on 1 and 2", min=0, max=2**31 - 1)
     ] = 5,
     conditions: Annotated[str, typer.Option(help="Separated by commas", show_default="all")] = "",
-    laws: Annotated[str, typer.Option(help="Separated by commas", show_default="those of each condition")] = "",
+    laws: Annotated[str, typer.Option(help="Separated by commas", show_default="the laws of each condition")] = "",
     workers: Workers = 2,
     to: Out = Path("results"),
 ) -> None:
-    """Impact speeds of RunToRun on actuators that nobody has measured, cycle by cycle, against other laws.
+    """Impact speeds of RunToRun and other laws, cycle by cycle, on actuators that were never identified.
 
-    A run that was interrupted goes on where it was: what is in the folder is not computed again.
+    An interrupted study continues where it was: runs already in the folder are not repeated.
     """
     from gapsense.report import plot
 

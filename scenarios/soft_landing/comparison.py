@@ -68,7 +68,7 @@ def compare(
     runs : int
         Number of runs at each width.
     workers : int
-        Processes; the numbers do not depend on it.
+        Number of processes; results do not depend on it.
     file : Path, optional
         Takes what is computed, chunk by chunk; another call goes on from there.
     progress : callable, optional

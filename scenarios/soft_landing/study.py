@@ -16,7 +16,7 @@ File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator
 
 FIGURES["soft_landing"] = f"{__package__}.show:run_figure"
 Runs = Annotated[int, typer.Option(help="Runs at each width", min=1, max=10**7)]
-Seed = Annotated[int, typer.Option(help="Of the parameter errors and of the noise", min=0, max=2**31 - 1)]
+Seed = Annotated[int, typer.Option(help="Seed of parameter errors and noise", min=0, max=2**31 - 1)]
 Core = Annotated[str, typer.Option(help="`fitted` to the reference cycle, or the `published` values of Table II")]
 Widths = Annotated[
     str, typer.Option(help="Widths of the parameter errors in percent, separated by commas", show_default="13 of them")
@@ -30,14 +30,16 @@ def soft_landing(
     parameters: File = None,
     period: Annotated[float, typer.Option(help="Period of the cycles [s]")] = FIG_5.period,
     making_start: Annotated[float, typer.Option(help="Start of the closing motion [s]")] = FIG_5.making_start,
-    making_duration: Annotated[float, typer.Option(help="Its duration [s]")] = FIG_5.making_duration,
+    making_duration: Annotated[float, typer.Option(help="Duration of that motion [s]")] = FIG_5.making_duration,
     breaking_start: Annotated[float, typer.Option(help="Start of the opening motion [s]")] = FIG_5.breaking_start,
-    breaking_duration: Annotated[float, typer.Option(help="Its duration [s]")] = FIG_5.breaking_duration,
-    hold_voltage: Annotated[float, typer.Option(help="While it is closed [V]")] = FIG_5.hold_voltage,
-    lead: Annotated[float, typer.Option(help="Constant voltage so long before each motion [s]")] = FIG_5.lead,
-    highest_voltage: Annotated[float, typer.Option(help="What the drive can give, and its negative [V]")] = 200.0,
+    breaking_duration: Annotated[float, typer.Option(help="Duration of that motion [s]")] = FIG_5.breaking_duration,
+    hold_voltage: Annotated[float, typer.Option(help="Voltage while closed [V]")] = FIG_5.hold_voltage,
+    lead: Annotated[float, typer.Option(help="Time of constant voltage before each motion [s]")] = FIG_5.lead,
+    highest_voltage: Annotated[
+        float, typer.Option(help="Largest voltage of the drive, in both directions [V]")
+    ] = 200.0,
 ) -> None:
-    """Voltage that moves a reluctance actuator without impact, as a table for DriveVoltage.
+    """Compute a voltage that moves a reluctance actuator without impact, as a table for DriveVoltage.
 
     The table has two cycles, from a core that is not magnetized; the second one repeats.
     """
@@ -149,7 +151,7 @@ def monte_carlo(
 ) -> None:
     """Errors of EKF, ERTSS, its ablations and the open loop over parameter errors: Figs. 9 and 10 of [RTS].
 
-    A run that was interrupted goes on where it was: what is in the folder is not computed again.
+    An interrupted study continues where it was: runs already in the folder are not repeated.
     """
     from gapsense._os.files import write_atomically, write_columns
     from gapsense.report import plot

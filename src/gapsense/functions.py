@@ -92,7 +92,7 @@ def inspect(
     clipped: bool = False,
     figure: File | None = None,
 ) -> Found:
-    """Tell what a record of voltage and current can give, before anything is fitted to it.
+    """Show what can be learnt from a record of voltage and current, before anything is fitted.
 
     Returns
     -------
@@ -145,7 +145,7 @@ def identify(
     figure: File | None = None,
     progress: Progress = quiet,
 ) -> Found:
-    """Identify a solenoid valve, or a coil, from voltage and current of whole operations, recorded from rest on.
+    """Identify a solenoid valve or a coil from voltage and current of complete operations, recorded from rest.
 
     Returns
     -------
@@ -204,7 +204,7 @@ def commission(
     figure: File | None = None,
     progress: Progress = quiet,
 ) -> Found:
-    """Find all parameters of a reluctance actuator, core losses included, from records from rest on.
+    """Find all parameters of a reluctance actuator, including core losses, from records that start at rest.
 
     Returns
     -------
@@ -269,7 +269,7 @@ def gap_law(
     out: File | None = None,
     figure: File | None = None,
 ) -> Found:
-    """Make a gap law of the inductance of a coil, measured at known gaps.
+    """Make a gap law from inductances of a coil that were measured at known gaps.
 
     Returns
     -------
@@ -403,7 +403,7 @@ def compare(
     after: float = -math.inf,
     before: float = math.inf,
 ) -> Mapping[str, Comparison]:
-    """Compare a result with another one, signal by signal: |result - reference| <= atol + rtol x nominal.
+    """Compare two results signal by signal: |result - reference| <= atol + rtol x nominal.
 
     Parameters
     ----------
@@ -412,11 +412,11 @@ def compare(
     rtol : float
         Allowed difference as a share of the nominal value.
     atol : float
-        Allowed difference in the unit of the signal, added to that.
+        Allowed difference in the unit of the signal, in addition.
     tolerance : mapping, optional
         For the signals of a pattern: `{"ekf.*": "1e-6"}`, or `"1e-6,1e-9"` with both.
     edge_steps : int
-        Steps of its component that an edge may come earlier or later.
+        Steps of its component by which an edge may come earlier or later.
     signal : str or sequence of str
         Signals or patterns; all others are left out.
     after, before : float

@@ -35,7 +35,7 @@ PARAMETER_SET = Section(
         Key(
             "assumed",
             TEXTS,
-            "Parameters whose values nobody knows: `identify --assume` marks them so, and later commands repeat it",
+            "Parameters whose values are only assumed: `identify --assume` marks them, and later commands repeat it",
             '["coil.resistance"]',
             default=[],
             is_other=True,

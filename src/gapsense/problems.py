@@ -102,5 +102,5 @@ def required(package: str) -> None:
     try:
         import_module(package)
     except ModuleNotFoundError:
-        problem = f"{package} is needed and not installed: `pip install 'gapsense[campaign]'`."
+        problem = f"{package} is needed but not installed: `pip install 'gapsense[campaign]'`."
         raise InputError([problem]) from None

@@ -29,7 +29,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("gapsense", "scenarios of Gapsense")
     group.addoption("--gapsense-fmus", metavar="FOLDER", type=Path, help="Folder of the FMUs of scenarios")
     group.addoption(
-        "--gapsense-figures", metavar="FOLDER", type=Path, help="Draw what differs from a baseline, in this folder"
+        "--gapsense-figures",
+        metavar="FOLDER",
+        type=Path,
+        help="Draw signals that differ from a baseline, in this folder",
     )
 
 

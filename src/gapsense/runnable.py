@@ -55,7 +55,7 @@ class Response:
         def __getattr__(self, name: str) -> Floats:
             outputs = self.__dict__.get("outputs", {})
             if name not in outputs:
-                raise AttributeError(f"`{name}` is no output. {suggest(name, outputs)}")
+                raise AttributeError(f"`{name}` is not an output. {suggest(name, outputs)}")
             return outputs[name]
 
     def __getitem__(self, run: int) -> Response:
@@ -119,7 +119,7 @@ class Runnable:
     def __init__(self, **parameters: Any) -> None:
         known = {port.field: port for port in self.ports.of("parameter")}
         if unknown := [key for key in parameters if key not in known]:
-            found = [f"`{key}` is no parameter of {self.ports.name}. {suggest(key, known)}" for key in unknown]
+            found = [f"`{key}` is not a parameter of {self.ports.name}. {suggest(key, known)}" for key in unknown]
             raise ValuesError(found)
         self.parameters = {port.name: number(port, parameters.get(key, port.start)) for key, port in known.items()}
         self._values = fields(self.ports, self.parameters, self.folder)
@@ -179,7 +179,7 @@ class Runnable:
         every = [port.name for port in self.ports.of("output")]
         wanted = [*outputs] or every
         if unknown := [name for name in wanted if name not in every]:
-            raise ValueError(f"`{unknown[0]}` is no output of {self.ports.name}. {suggest(unknown[0], every)}")
+            raise ValueError(f"`{unknown[0]}` is not an output of {self.ports.name}. {suggest(unknown[0], every)}")
         chosen = [every.index(name) for name in wanted]
         data = self._in_c(flat, chosen, values, start_time, step)
         if data is None:
@@ -256,7 +256,7 @@ class Runnable:
         given = dict(zip(known, signals))
         for name, value in named.items():
             if name not in known:
-                raise TypeError(f"`{name}` is no input of {self.ports.name}. {suggest(name, known)}")
+                raise TypeError(f"`{name}` is not an input of {self.ports.name}. {suggest(name, known)}")
             if name in given:
                 raise TypeError(f"input `{name}` is given twice. Leave one out.")
             given[name] = value

@@ -100,7 +100,7 @@ def is_span(value: Any) -> bool:
 OF_SCALARS = {"type": ["number", "boolean", "string"]}
 NUMBER = Kind("a finite number", is_number, {"type": "number"})
 POSITIVE = Kind("a positive number", lambda v: is_number(v) and v > 0, {"type": "number", "exclusiveMinimum": 0})
-NOT_NEGATIVE = Kind("a number not below 0", lambda v: is_number(v) and v >= 0, {"type": "number", "minimum": 0})
+NOT_NEGATIVE = Kind("a number of at least 0", lambda v: is_number(v) and v >= 0, {"type": "number", "minimum": 0})
 COUNT = Kind("a whole number of at least 1", lambda v: is_count(v, 1), {"type": "integer", "minimum": 1})
 INDEX = Kind("a whole number of at least 0", lambda v: is_count(v, 0), {"type": "integer", "minimum": 0})
 TRUTH = Kind("true or false", lambda value: isinstance(value, bool), {"type": "boolean"})

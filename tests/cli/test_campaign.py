@@ -91,14 +91,14 @@ def test_export_that_cannot_be_is_told_before_the_run(study, fmus, tmp_path, mon
     assert code == 2 and "a file expected that ends in `.csv` or `.parquet`" in said, said
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--export", tmp_path / "x.parquet")
-    assert (code, said) == (2, "pyarrow is needed and not installed: `pip install 'gapsense[campaign]'`.\n")
+    assert (code, said) == (2, "pyarrow is needed but not installed: `pip install 'gapsense[campaign]'`.\n")
     assert not (tmp_path / "out").exists()
 
 
 def test_cluster_without_its_package_is_told(study, fmus, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     code, said = call(study, "--fmus", fmus, "--out", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9")
-    assert (code, said) == (2, "distributed is needed and not installed: `pip install 'gapsense[campaign]'`.\n")
+    assert (code, said) == (2, "distributed is needed but not installed: `pip install 'gapsense[campaign]'`.\n")
 
 
 @pytest.mark.parametrize("command", ["campaign", "sweep"])

@@ -72,7 +72,7 @@ def test_interrupted_run_can_be_gone_on_with(process, write, fmus):
         assert started.poll() is None
     started.send_signal(signal.SIGINT)
     _, err = started.communicate(timeout=30)
-    assert started.returncode == 130 and err.rstrip().endswith("`--resume` goes on from the checkpoint.")
+    assert started.returncode == 130 and err.rstrip().endswith("use `--resume` to continue from the checkpoint.")
     side = json.loads(Path("results", "short.json").read_text("utf-8"))
     assert side["interrupted"] and saved_rows(FILE) == side["rows"]
 

@@ -331,7 +331,7 @@ def test_sweep_in_which_every_run_fails_says_why(gapsense, write, fmus, engine):
 def test_sweep_says_where_the_loop_is_not_in_c(gapsense, write, fmus, monkeypatch):
     monkeypatch.setattr(compiled, "BINARY", Path("none.so"))
     done = gapsense("sweep", write(), "--fmus", fmus, "--seeds", 1, "--workers", 1, "--engine", "fmu")
-    assert done.exit_code == 0 and done.stdout.count("The loop in C does not load here") == 1
+    assert done.exit_code == 0 and done.stdout.count("The loop in C cannot be loaded here") == 1
 
 
 def test_sweep_without_runs_or_seeds_is_refused(gapsense, write, fmus):
@@ -357,7 +357,7 @@ def test_figure_of_a_saved_result_needs_no_run(gapsense, write, fmus, monkeypatc
     monkeypatch.setattr("gapsense.cosim.run", lambda *_, **__: pytest.fail("it ran"))
     done = gapsense("figure", "results/short.csv")
     assert done.exit_code == 0 and Path("results/short.png").read_bytes()[:8] == PNG
-    assert "--set are for a run" in problems(gapsense("figure", "results/short.csv", "--set", "valve.damping=1"))[0]
+    assert "--set apply to a" in problems(gapsense("figure", "results/short.csv", "--set", "valve.damping=1"))[0]
 
 
 def test_value_on_the_command_line_wins(gapsense, write, fmus):
@@ -477,7 +477,7 @@ def same(write, tmp_path):
     return write(FEW, folder="A/same"), write(FEW, louder, folder="B/same")
 
 
-OTHER = "it is of the scenario `../A/same/scenario.toml`, this one is `../B/same/scenario.toml`. Choose another place"
+OTHER = "it belongs to the scenario `../A/same/scenario.toml`, not to `../B/same/scenario.toml`. Choose another place"
 
 
 @pytest.mark.parametrize(
@@ -514,7 +514,7 @@ def test_results_that_moved_with_their_scenario_are_its_own(gapsense, write, fmu
 def test_file_that_is_no_result_is_not_overwritten(gapsense, write, fmus, ending):
     Path(f"short.{ending}").write_text("{}")
     done = gapsense("run", write(), "--fmus", fmus, "--out", ".")
-    assert done.exit_code == 2 and "short.csv: there is a file that is no result of a run. Remove it" in done.stderr
+    assert done.exit_code == 2 and "short.csv: this file exists and is not the result of a" in done.stderr
     assert Path(f"short.{ending}").read_text() == "{}"
 
 
@@ -522,9 +522,7 @@ def test_variant_is_no_other_scenario_of_that_name(gapsense, write, fmus):
     variant = ("[seeds]", "[variants.loud]\n[seeds]")
     assert gapsense("run", write(variant), "--variant", "loud", "--fmus", fmus).exit_code == 0
     done = gapsense("run", write(folder="short_loud"), "--fmus", fmus)
-    assert (
-        done.exit_code == 2 and "results/short_loud.csv: it is of the scenario `../short/scenario.toml`" in done.stderr
-    )
+    assert done.exit_code == 2 and "results/short_loud.csv: it belongs to the scenario `../short" in done.stderr
 
 
 def test_scenarios_of_one_name_are_told_apart_in_tests(gapsense, same, fmus, tmp_path):

@@ -66,7 +66,7 @@ def test_identify_writes_a_parameter_set_and_says_how_certain_it_is(identified, 
     assert found["coil.turns"] == pytest.approx(1200.0, rel=5e-3)
     assert found["mover.mass"] == pytest.approx(1.6e-3, rel=0.06)
     assert found["coil.resistance"] == pytest.approx(76.0, rel=1e-3)
-    assert 'assumed = ["stop.restitution"]' in file.read_text("utf-8") and "Assumed, neither given nor told" in printed
+    assert 'assumed = ["stop.restitution"]' in file.read_text("utf-8") and "Assumed, neither given nor found" in printed
     for words in ("standard error", "Correlations", "Validation", "other", "`damping` is not identified", "1 of 1"):
         assert words in printed, printed
     assert (data / "fit.png").read_bytes().startswith(b"\x89PNG")
@@ -247,4 +247,4 @@ def test_estimates_of_white_noise_are_doubted(gapsense, fmus, tmp_path):
     text = "\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n"
     (tmp_path / "record.csv").write_text(text, encoding="utf-8")
     done = gapsense("estimate", "record.csv", "--estimator", "bounded_ukf", "--fmus", fmus)
-    assert done.exit_code == 1 and "no current stands out of its noise" in " ".join(done.stderr.split()), done.output
+    assert done.exit_code == 1 and "does not rise above its noise" in " ".join(done.stderr.split()), done.output

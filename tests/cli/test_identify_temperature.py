@@ -39,5 +39,5 @@ def test_command_tells_the_coefficient_and_notes_it_in_the_set(gapsense, hot_and
 
 def test_command_refuses_temperatures_that_tell_nothing(gapsense, hot_and_cold):
     done = gapsense("identify", "at20.csv", "at60.csv", "--temperature", "20,25")
-    assert done.exit_code == 2 and "5 K from the coldest to the hottest record are too little" in done.stderr
+    assert done.exit_code == 2 and "5 K from the coldest to the hottest record are too few" in done.stderr
     assert not Path("valve.toml").exists()

@@ -80,7 +80,7 @@ def test_interrupted_figure_writes_nothing(process, long, fmus, tmp_path):
 def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path, number, engine, seeds):
     options = ("--seeds", seeds, "--workers", 1, "--fmus", fmus, "--out", tmp_path / "out", "--engine", engine)
     code, out, err = interrupted(process(LOUD, "sweep", VALVE, *options), number)
-    assert code == 130 and "the same command goes on from here" in err and "Traceback" not in err
+    assert code == 130 and "run the same command to continue" in err and "Traceback" not in err
     with closing(sqlite3.connect(tmp_path / "out" / "semera_valve_sweep.sqlite")) as store:
         ((done,),) = store.execute("SELECT count(*) FROM runs").fetchall()
     assert 1 <= done < seeds

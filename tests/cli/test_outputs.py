@@ -44,11 +44,11 @@ def places(write, tmp_path):
     (tmp_path / "folder.png").mkdir()
     below = {
         Path("text", "deep"): "`text` is a file, a folder is expected",
-        Path("loose"): "`loose` is a link to nothing, a folder is expected",
+        Path("loose"): "`loose` is a broken link, a folder is expected",
         Path("new", "n" * 300, "x"): "a name in it is longer than 255 bytes",
     }
     if sys.platform == "linux":
-        below |= {Path("/proc", "nope"): "there cannot be a new file in `/proc`"}
+        below |= {Path("/proc", "nope"): "no new file can be made in `/proc`"}
     return below
 
 
@@ -100,7 +100,7 @@ def test_baseline_looks_before_the_run(gapsense, write, fmus, tmp_path):
     folder = write()
     (folder / "baseline.csv").mkdir()
     done = gapsense("baseline", folder, "--write", "--fmus", fmus)
-    assert done.exit_code == 2 and "so no baseline is written there" in done.output, done.output
+    assert done.exit_code == 2 and "so no baseline can be written there" in done.output, done.output
 
 
 def test_check_and_default_folders_ask_for_nothing(gapsense, write, fmus, tmp_path):

@@ -35,7 +35,7 @@ def test_misspelt_file_after_a_run_is_no_other_scenario():
     gapsense("new", "my_valve")
     assert gapsense("run", "my_valve")[0] == 0
     code, said = gapsense("run", "my_valve/scenario.tml")
-    assert code == 2 and "it is of the scenario" not in said and "`my_valve/scenario.toml`" in said
+    assert code == 2 and "it belongs to the scenario" not in said and "`my_valve/scenario.toml`" in said
 
 
 def test_report_on_a_record_does_not_say_run_again(folder):

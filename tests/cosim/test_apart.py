@@ -17,7 +17,7 @@ ENDINGS = {
     "kill": "its process was ended by signal 9 (SIGKILL, Killed), in its step.",
     "hang": "no answer within 1 s, the limit, so its process was ended, in its step.",
     "discard": "fmi2DoStep returned fmi2Discard; the component says: step too long.",
-    "nan": "output `y` is nan. Look at its inputs and parameters; the component says nothing about it.",
+    "nan": "output `y` is nan. Look at its inputs and parameters; the component gives no reason.",
 }
 
 

@@ -235,7 +235,7 @@ def test_name_of_a_parameter_set_that_another_fmu_has_is_left_to_it(write, chain
             "",
             f"{DEVICE}u = 1.0\n",
             "",
-            "`u` is not a parameter but of causality `input`. Give its value in",
+            "`u` is not a parameter but has the causality `input`. Give its value in",
         ),
         (
             '["one.toml"]',

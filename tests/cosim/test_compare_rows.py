@@ -100,7 +100,7 @@ def test_unit_in_a_head_is_held_against_the_side_car(results):  # noqa: F811
         (lambda rows: [*rows[:3], *rows[8:]], "5 rows are missing, which the run has, from t = 0.3 s to 0.7 s"),
         (lambda rows: rows[1:], "1 row is missing, which the run has, at t = 0 s"),
         (lambda rows: [*rows[:4], rows[3], *rows[4:]], "1 row is at times of rows before, at t = 0.3 s"),
-        (lambda rows: [*rows[:4], rows[5], rows[4], *rows[6:]], "2 rows are at other times: row 4 of the baseline"),
+        (lambda rows: [*rows[:4], rows[5], rows[4], *rows[6:]], "2 rows have other times: row 4 of the baseline"),
     ],
 )
 def test_baselines_with_other_rows_fail(write, chain, fmus, change, words):

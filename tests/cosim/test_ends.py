@@ -137,7 +137,7 @@ def test_warning_of_every_step_is_told_once_with_its_count(write, foreign, loops
 def test_time_that_is_not_the_end_of_the_step_fails_with_a_sentence(write, foreign, loops, deed, time, isolation):
     with pytest.raises(FmuError) as caught:
         run(written(write, 3, deed, 1.0, isolation), fmus=foreign)
-    assert f"a, t = 0 s (base step 1): fmi3DoStep said that it reached t = {time} s" in str(caught.value)
+    assert f"a, t = 0 s (base step 1): fmi3DoStep reported that it reached t = {time} s" in str(caught.value)
     assert caught.value.result.times.size == 1
 
 

@@ -131,7 +131,7 @@ def test_start_values_of_inputs_and_outputs_are_swept_and_need_no_driver(write, 
         ('"b.mode" = "a.mode_out"', '"b.mode" = "a.y"', "a.y (Real) -> b.mode (Enumeration): types differ"),
         ('"b.u" = "a.flag_out"', '"b.u" = "a.mode_out"', "(Enumeration) -> b.u (Real): types differ"),
         ('"b.u" = "a.flag_out"', '"b.u" = "a.text_out"', "(String) -> b.u (Real): types differ"),
-        ("level = 4.0", "y = 4.0", "`y` is not a parameter but of causality `output`"),
+        ("level = 4.0", "y = 4.0", "`y` is not a parameter but has the causality `output`"),
         ("level = 4.0", "text_out = 4.0", "`text_out` is not a parameter"),
     ],
 )
@@ -160,7 +160,7 @@ def test_number_that_an_input_cannot_hold_ends_the_run(write, foreign, kind, val
 
 def test_number_that_cannot_be_kept_exactly_ends_the_run(write, foreign):
     text = wired(3, 3).replace('"a.nUInt64" = 12', '"a.nUInt64" = 9007199254740992')
-    with pytest.raises(FmuError, match=r"output `nUInt64_out` is 9007199254740994; beyond 2\*\*53"):
+    with pytest.raises(FmuError, match=r"output `nUInt64_out` is 9007199254740994; integers beyond 2\*\*53"):
         run(write(text), fmus=foreign)
     assert "0 to 1.844674407e+19 expected" in check(write(text.replace("9007199254740992", "-1")), fmus=foreign)[0]
 

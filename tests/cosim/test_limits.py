@@ -20,7 +20,7 @@ METRIC = '[metrics.m]\nkind = "max_abs"\nsignal = "lag.y"\n'
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("stop = 1.0", "stop = 1e12", "is 1e+13 steps of 0.1 s, and at most 1e+10 are done"),
+        ("stop = 1.0", "stop = 1e12", "is 1e+13 steps of 0.1 s, at most 1e+10 expected"),
         ("base_step = 0.1", "base_step = 1e-320", "is inf steps of"),
         ("base_step = 0.1", "base_step = 1e-12", "is 1e+12 steps of 1e-12 s"),
         ("stop = 1.0", "start = -1e308\nstop = 1e308", "is inf steps of"),

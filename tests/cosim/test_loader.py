@@ -108,7 +108,7 @@ def test_all_problems_come_at_once(write, chain):
         ("[experiment]", '[inputs]\n"a.b" = [1]\n[experiment]', ["inputs.a.b", "finite number"]),
         ("[experiment]", "[seeds]\nlag = 1.5\n[experiment]", ["seeds.lag", "`1.5` found"]),
         ("[experiment]", "[record]\ndecimation = 0\n[experiment]", ["record.decimation", "at least 1"]),
-        ("[experiment]", "[baseline]\nrtol = -1\n[experiment]", ["baseline.rtol", "not below 0"]),
+        ("[experiment]", "[baseline]\nrtol = -1\n[experiment]", ["baseline.rtol", "at least 0"]),
         ("[experiment]", "[variants]\na = 1\n[experiment]", ["variants.a", "a table expected"]),
     ],
 )
@@ -127,11 +127,11 @@ METRIC = '[metrics.m]\nsignal = "lag.y"\n'
     [
         ('kind = "rmse"', "`rmse` compares with a signal"),
         ('kind = "fraction"\nreference = 1.0', "`fraction` uses no reference"),
-        ('kind = "loop_area"', "`loop_area` is of the curve over another signal"),
-        ('kind = "intercept"\nreference = 1.0', "`intercept` is of the curve over another signal"),
+        ('kind = "loop_area"', "`loop_area` needs the other signal of the curve"),
+        ('kind = "intercept"\nreference = 1.0', "`intercept` needs the other signal of the curve"),
         ('kind = "mean"\nbounds = [2, 1]', "rising order"),
         ('kind = "mean"\nbounds = [nan, 1]', "pair"),
-        ('kind = "mean"\nafter = 2.0\nbefore = 1.0', "Let `after` be the smaller"),
+        ('kind = "mean"\nafter = 2.0\nbefore = 1.0', "`after` must be the smaller"),
         ('kind = "mean"\nreference = true', "a name or a finite number expected"),
     ],
 )

@@ -49,7 +49,7 @@ def test_committed_binary_belongs_to_the_source():
 def test_stale_binary_is_noticed(tmp_path):
     stale = tmp_path / "stale.so"
     stale.write_bytes(compiled.BINARY.read_bytes().replace(LOOP.fingerprint().encode(), b"0" * 64))
-    assert "not made from the present sources" in LOOP.problems(stale)[0]
+    assert "is not up to date with its sources" in LOOP.problems(stale)[0]
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")

@@ -141,7 +141,7 @@ def test_baseline_that_was_written_and_is_gone_fails(write, chain, fmus, variant
     path = write(f"{chain}[variants.steep.components.source.set]\nslope = 3.0\n")
     words = ("--variant", variant) if variant else ()
     done = gapsense("baseline", path, "--write", "--fmus", fmus, *words)
-    assert done.exit_code == 0 and "added, so that `gapsense test` misses the baseline" in " ".join(done.output.split())
+    assert done.exit_code == 0 and "added, so that `gapsense test` fails if the" in " ".join(done.output.split())
     assert "added" not in gapsense("baseline", path, "--write", "--fmus", fmus, *words).output
     name = f"baseline.{variant}.csv" if variant else "baseline.csv"
     done = gapsense("test", path, "--fmus", fmus)

@@ -187,7 +187,7 @@ def test_least_and_greatest_whole_numbers_arrive(write, foreign, end):
         ("n", [0, 3e9], "hold", "3e+09 found, -2147483648 to 2147483647 expected"),
         ("flag", [0, 2], "hold", "2 found, a value of type Boolean is expected"),
         ("mode", [1, 4], "hold", "4 found, a value of type Enumeration is expected"),
-        ("text", [1, 4], "hold", "a text follows no signal"),
+        ("text", [1, 4], "hold", "a text cannot follow a signal"),
     ],
 )
 def test_whole_numbers_take_no_others(write, foreign, name, values, how, words):

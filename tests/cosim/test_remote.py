@@ -56,7 +56,7 @@ def test_isolated_components_give_the_same_result(write, fmus, method):
         ("segfault", "its process was ended by signal 11 (SIGSEGV, Segmentation fault), in its step."),
         ("hang", "no answer within 1 s, the limit, so its process was ended, in its step."),
         ("discard", "fmi2DoStep returned fmi2Discard; the component says: step too long."),
-        ("nan", "output `y` is nan. Look at its inputs and parameters; the component says nothing about it."),
+        ("nan", "output `y` is nan. Look at its inputs and parameters; the component gives no reason."),
     ],
 )
 def test_component_that_ends_its_process_fails_and_the_run_keeps_its_rows(write, fmus, fault, cause):

@@ -122,9 +122,9 @@ def test_mixture_of_two_runs_is_refused(saved, kept):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda file: file.unlink(), "x.json beside it is missing, damaged or no side-car. Run again"),
-        (lambda file: file.write_text("{"), "x.json beside it is missing, damaged or no side-car. Run again"),
-        (lambda file: file.write_text('{"format": "other"}'), "no side-car. Run again"),
+        (lambda file: file.unlink(), "x.json beside it is missing, damaged or not a side-car. Run again"),
+        (lambda file: file.write_text("{"), "x.json beside it is missing, damaged or not a side-car. Run again"),
+        (lambda file: file.write_text('{"format": "other"}'), "not a side-car. Run again"),
         (lambda file: file.write_text('{"format": "gapsense result 1"}'), "an old result, .* the hash.* Run again"),
     ],
 )

@@ -137,7 +137,7 @@ def test_two_sweeps_on_one_folder_compute_nothing_twice(write, fmus, start, tmp_
     outputs = [process.communicate(timeout=60) for process in processes]
     assert sorted(int(out) for out, _ in outputs) == [0, 30], outputs
     said = "".join(err for _, err in outputs)
-    assert said == f"{out / 'demo_sweep.sqlite'}: another process is at work on it; waiting for its end.\n"
+    assert said == f"{out / 'demo_sweep.sqlite'}: another process is using it; waiting for its end.\n"
 
 
 @pytest.fixture
@@ -264,7 +264,7 @@ def test_table_of_a_sweep_tells_of_what_it_is_and_which_runs_failed(write, fmus,
     assert told["failed"] == [failed] and "t = 3 s" in swept.errors[1]
     assert {"all", "scenario.toml", "noise (Noise.fmu)"} <= {*told["decided_by"]} and is_table(table)
     table.write_text(table.read_text() + "\n")
-    with pytest.raises(InputError, match=r"not the table that `demo_sweep\.json` was written with\. Sweep again"):
+    with pytest.raises(InputError, match=r"not the table that belongs to `demo_sweep\.json`\. Sweep again"):
         read_sidecar(table)
 
 

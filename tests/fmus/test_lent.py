@@ -8,9 +8,53 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from hosting import raw
+from hosting import in_python, raw
 from parts import Part
 
+FUNCTIONS = """
+import math, random, shutil, sys, tempfile, zipfile
+import fmpy, fmpy.fmi2
+
+def stepped():
+    folder = tempfile.mkdtemp(dir=sys.argv[1])
+    zipfile.ZipFile(sys.argv[2]).extractall(folder)
+    guid = fmpy.read_model_description(folder, validate=False).guid
+    names = {"modelIdentifier": "ReluctanceActuator", "instanceName": "one"}
+    fmu = fmpy.fmi2.FMU2Slave(guid=guid, unzipDirectory=folder, **names)
+    fmu.instantiate(); fmu.setupExperiment(); fmu.enterInitializationMode(); fmu.exitInitializationMode()
+    fmu.setReal([0], [30.0])
+    for k in range(20):
+        fmu.doStep(k * 1e-4, 1e-4)
+    values = fmu.getReal([1, 2, 3, 4])
+    fmu.freeInstance()
+    shutil.rmtree(folder)
+    return values
+
+def attempt(function, x):
+    try:
+        return function(x)
+    except ArithmeticError as error:
+        return repr(error)
+    except ValueError as error:
+        return repr(error)
+
+assert stepped() == stepped() == stepped()  # the first library is unloaded, as far as the host knows
+(name,) = [name for name in sys.modules if name.startswith("_gapsense_reluctance") and name.endswith(".kernel")]
+kernel = sys.modules[name]
+rng = random.Random(1)
+odd = [0.0, -0.0, 1.0, -1.0, 710.0, -746.0, math.inf, -math.inf, 5e-324, 3, True]
+for name in ("exp", "log", "tanh"):
+    lent = getattr(kernel, name)
+    own = lent.__self__
+    assert type(lent) is type(math.exp) and type(own) is type(stepped)
+    for x in [*odd, *(rng.uniform(-30.0, 30.0) for _ in range(2000))]:
+        assert attempt(lent, x) == attempt(own, x), (name, x)
+    assert math.isnan(lent(math.nan))
+    try:
+        lent("1")
+    except TypeError:
+        print(name)
+"""
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
 
 
@@ -66,3 +110,9 @@ def test_values_can_be_set_and_got_after_the_end_of_python(semera: Path, gcc: st
     subprocess.run([gcc, "-shared", "-fPIC", f"-I{headers()}", str(source), "-o", str(library)], check=True)
     fatal = 4
     assert raw("lending.without_python", semera, str(library)) == [0, 0, fatal, fatal, 0.5]
+
+
+def test_kernels_call_exp_log_and_tanh_in_c_with_the_values_and_errors_of_their_own(fmus: Path, tmp_path: Path) -> None:
+    done = in_python(FUNCTIONS, tmp_path, fmus / "ReluctanceActuator.fmu")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["exp", "log", "tanh"]

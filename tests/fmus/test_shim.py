@@ -54,7 +54,7 @@ def test_committed_binary_belongs_to_the_sources() -> None:
 def test_stale_binary_is_noticed(tmp_path: Path) -> None:
     stale = tmp_path / "stale.so"
     stale.write_bytes(BINARY.read_bytes().replace(SHIM.fingerprint().encode(), b"0" * 64))
-    assert "not made from the present sources" in SHIM.problems(stale)[0]
+    assert "is not up to date with its sources" in SHIM.problems(stale)[0]
 
 
 def test_all_functions_of_fmi_2_co_simulation_are_exported() -> None:

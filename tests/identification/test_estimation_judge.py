@@ -88,7 +88,7 @@ def test_estimators_of_a_mover_are_left_out_for_a_coil():
     coil = {"coil.resistance": 0.37, "prior.inductance": 3e-4, "noise.current": 2.0}
     names, left_out = run.choose_estimators(None, run.estimators(components_folder()), record(VALVE, periods=1), coil)
     assert names == ["IntegralEstimator", "Semera"]
-    assert "BoundedUkf models a mover, of which the parameters of a coil tell nothing." in left_out[0]
+    assert "BoundedUkf models a mover, which the parameters of a coil do not describe." in left_out[0]
 
 
 def test_reversed_sensor_is_told_once():

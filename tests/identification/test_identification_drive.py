@@ -67,7 +67,7 @@ def test_known_drops_of_a_driver_are_taken_out_of_the_recorded_command():
     command = made(25, **DROPS)
     wrong = fit_valve([command], VALVE, starts=1, sought=PLAIN)
     assert not wrong.is_explained
-    assert any("would explain most" in said and "a drop while the current falls" in said for said in remarks(wrong))
+    assert any("Most likely causes" in said and "a drop while the current falls" in said for said in remarks(wrong))
     result = fit_valve([command], VALVE, starts=1, sought=PLAIN, drive=read_driver("series=2,drop=0.8"))
     assert result.is_explained and max(map(abs, z(result).values())) < 3.0
 

@@ -144,7 +144,7 @@ def said_of(record):
 
 def test_columns_that_are_interchanged_and_single_samples_are_told():
     said, _ = said_of(changed(voltage=lambda x: x["current"], current=lambda x: x["voltage"]))
-    assert "Are the columns interchanged?" in said
+    assert "Are the columns swapped?" in said
     said, _ = said_of(changed(current=lambda x: np.where(x["time"] == x["time"][900], 3.0, x["current"])))
     assert "row 902: `current` is 3 in this one sample only" in said
     assert "one sample" not in said_of(changed())[0] and "jumps" not in said_of(changed())[0]

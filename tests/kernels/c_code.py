@@ -20,9 +20,6 @@ from gapsense.kernels.layout import fields, flat, names
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 KEPT = Path(__file__).resolve().parents[2] / "build" / "c_code"  # libraries by their source and options
 
-# gcc unrolls a short loop that starts from a constant and then folds these, rounded otherwise than by the library
-NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tanh"))
-
 # all samples of a record in one call
 RUN = """
 void run(int samples, int inputs, int outputs, real *state, real *const *memory, const real *given, const real *par,
@@ -59,7 +56,7 @@ def build(source: str, folder: Path, single: bool = False) -> ctypes.CDLL:
 
 
 def build_graph(graph: Graph, folder: Path) -> ctypes.CDLL:
-    return ctypes.CDLL(str(compiled(f"{C.head}\n{C(graph).source()}", folder, NO_FOLDING)))
+    return ctypes.CDLL(str(compiled(C.module(C(graph).source()), folder, ())))
 
 
 class CKernel:

@@ -52,8 +52,8 @@ def python_text(function: Callable[..., Any], outputs: type = Outputs) -> str:
     return Python(graph(function, outputs)).source()
 
 
-def compiled(text: str, head: str = Python.head) -> Callable[..., Any]:
-    return namespace(f"{head}\n\n{text}", "traced")["step"]
+def compiled(text: str, language: type[Python] = Python) -> Callable[..., Any]:
+    return namespace(language.module(text), "traced")["step"]
 
 
 def run_python(function: Callable[..., Any], *values: float) -> Any:
@@ -64,7 +64,7 @@ def run_python(function: Callable[..., Any], *values: float) -> Any:
 def run_numpy(function: Callable[..., Any], *values: Any) -> Any:
     with np.errstate(all="ignore"):
         arrays = [np.asarray(v, float) for v in values]
-        return compiled(Numpy(graph(function)).source(), Numpy.head)(arrays, arrays[0].size)[0]
+        return compiled(Numpy(graph(function)).source(), Numpy)(arrays, arrays[0].size)[0]
 
 
 def run_c(function: Callable[..., Any], folder: Path, *values: float) -> float:

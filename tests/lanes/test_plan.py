@@ -71,7 +71,7 @@ def test_columns_that_are_missing_or_too_many_are_named(code):
         ({"noise": np.zeros((SAMPLES, RUNS + 1))}, r"`noise` has the shape \(40, 14\)"),
         ({"table": np.zeros((4, 2))}, r"`table` has the shape \(4, 2\), \(4,\) or \(4, 1\) or \(4, 13\) expected"),
         ({"memory": np.zeros((4, 1))}, r"`memory` has the shape \(4, 1\), \(4, 13\) expected"),
-        ({"memory": np.zeros((4, RUNS), int)}, "`memory` is no array of doubles"),
+        ({"memory": np.zeros((4, RUNS), int)}, "`memory` is not an array of doubles"),
     ],
     ids=str,
 )

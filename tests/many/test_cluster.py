@@ -112,7 +112,7 @@ def test_worker_with_a_nanny_and_threads_and_one_that_comes_late(write, fmus, cl
 def test_killed_scheduler_ends_the_campaign_and_another_one_goes_on(write, fmus, cluster, tmp_path):
     study, out = write(MANY, LONG), tmp_path / "out"
     made = cluster(2)
-    with pytest.raises(RuntimeError, match=r"scheduler has gone\. What was finished is kept"):
+    with pytest.raises(RuntimeError, match=r"scheduler has gone\. Finished runs are kept"):
         campaign(study, None, out, fmus, made.address, progress=at(20, made.scheduler.kill))
     there = read_campaign(out).rows
     assert 20 <= there < 120
@@ -209,7 +209,9 @@ def test_cluster_that_cannot_do_it_is_refused_with_what_to_do(write, fmus, clust
     with pytest.raises(InputError, match=r"no answer from a Dask scheduler at `tcp://127.0.0.1:9`"):
         campaign(write(), None, tmp_path / "out", fmus, "tcp://127.0.0.1:9")
     for address in ("here", "", "tcp://", "tcp://here", "tls:nope", "mail://here:8786", "tcp://here:port"):
-        with pytest.raises(InputError, match=rf"`{address}` is no address of a Dask scheduler \(.*Give one such as"):
+        with pytest.raises(
+            InputError, match=rf"`{address}` is not an address of a Dask scheduler \(.*Give one such as"
+        ):
             campaign(write(), None, tmp_path / "out", fmus, address)
     with pytest.raises(InputError, match=r"has no workers. Start some: `dask worker tcp://"):
         campaign(write(), None, tmp_path / "out", fmus, cluster(0).address)
@@ -256,11 +258,14 @@ def test_encrypted_cluster_by_the_settings_of_dask(write, fmus, cluster, certifi
 def test_settings_for_encryption_that_do_not_do_are_told(write, fmus, certificate, encrypted, tmp_path, wrong):
     (tmp_path / "text.pem").write_text("no certificate")
     changes = {
-        "none": (dict.fromkeys(certificate, ""), "needs settings for TLS that there are not"),
-        "no client": ({f"{TLS}CLIENT__CERT": ""}, "needs settings for TLS that there are not"),
+        "none": (dict.fromkeys(certificate, ""), "needs settings for TLS, which are missing"),
+        "no client": ({f"{TLS}CLIENT__CERT": ""}, "needs settings for TLS, which are missing"),
         "no file": ({f"{TLS}CLIENT__CERT": "/nope"}, r"the settings for TLS cannot be used \(.*No such file"),
         "no certificate": ({f"{TLS}CA_FILE": str(tmp_path / "text.pem")}, "the settings for TLS cannot be used"),
-        "open": ({"DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true"}, "is not encrypted, which Dask's settings"),
+        "open": (
+            {"DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true"},
+            "is not encrypted, but Dask's",
+        ),
     }
     settings, why = changes[wrong]
     encrypted({**certificate, **settings})
@@ -286,7 +291,7 @@ def test_worker_with_another_gapsense_is_refused(write, fmus, cluster, tmp_path)
     shutil.rmtree(other)
     shutil.copytree(Path(gapsense.__file__).parent, other, ignore=shutil.ignore_patterns("__pycache__"))
     (other / "units.py").write_text((other / "units.py").read_text() + "\n")
-    with pytest.raises(InputError, match="its sources of Gapsense or its version of numpy are other ones than here"):
+    with pytest.raises(InputError, match="its sources of Gapsense or its version of numpy differ from those here"):
         campaign(write(), None, tmp_path / "out", fmus, cluster(1, env=hidden).address)
     (other / "version.py").write_text((other / "version.py").read_text().replace(__version__, "0.0.9"))
     with pytest.raises(InputError, match=re.escape(f"it has Gapsense 0.0.9, {__version__} is expected. Install that")):

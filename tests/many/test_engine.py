@@ -79,7 +79,7 @@ CHANGES = {
 def test_folder_of_another_campaign_is_refused_and_left_alone(write, fmus, tmp_path, what):
     campaign(write(), 1, tmp_path / "out", fmus)
     before = (tmp_path / "out" / CAMPAIGN_FILE).read_bytes()
-    with pytest.raises(InputError, match=f"it is of another campaign, {what} changed since. Name another folder"):
+    with pytest.raises(InputError, match=f"it belongs to another campaign, {what} changed since. Name another folder"):
         campaign(write(*CHANGES[what]), 1, tmp_path / "out", fmus)
     assert (tmp_path / "out" / CAMPAIGN_FILE).read_bytes() == before
 
@@ -87,7 +87,7 @@ def test_folder_of_another_campaign_is_refused_and_left_alone(write, fmus, tmp_p
 def test_folder_with_other_things_is_refused_and_left_alone(write, fmus, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").touch()
-    with pytest.raises(InputError, match="holds something else than a campaign"):
+    with pytest.raises(InputError, match="holds something other than a campaign"):
         campaign(write(), 1, tmp_path / "mine", fmus)
     assert [file.name for file in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
 
@@ -266,7 +266,7 @@ def test_two_clients_on_one_folder_do_nothing_twice(write, fmus, start, tmp_path
     first = start(HELD, study, out, go)
     assert int(first.stdout.readline()) < 12
     second = start(CLIENT, study, out)
-    assert "another process is at work on it" in second.stderr.readline()
+    assert "another process is using it" in second.stderr.readline()
     go.touch()
     said = [process.communicate(timeout=60)[0].split() for process in (first, second)]
     assert read_campaign(out).column("run").tolist() == [*range(12)]

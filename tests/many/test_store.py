@@ -145,7 +145,7 @@ def test_columns_of_a_growing_result_never_differ_in_length(tmp_path):
 @pytest.mark.parametrize("older", [b"", b"{}", b"no database at all, but a text that is long enough" * 100])
 def test_what_is_no_campaign_is_refused(tmp_path, older):
     (tmp_path / NAME).write_bytes(older)
-    with pytest.raises(InputError, match=r"no campaign of this version|it is damaged"):
+    with pytest.raises(InputError, match=r"not a campaign of this version|it is damaged"):
         read_campaign(tmp_path)
     with pytest.raises(InputError, match="The folder of a campaign's result is expected"):
         read_campaign(tmp_path / "none")
@@ -287,7 +287,7 @@ def test_of_what_is_said_there_are_two_copies(tmp_path, caplog):
             with closing(sqlite3.connect(tmp_path / NAME)) as connection:
                 connection.execute(f"UPDATE {name} SET content = substr(content, 1, 20)")
                 connection.commit()
-            assert read_campaign(tmp_path).about["title"] == "t" and "a copy is taken" in caplog.text
+            assert read_campaign(tmp_path).about["title"] == "t" and "the copy is used" in caplog.text
             opened(tmp_path).close()
 
 
@@ -372,7 +372,7 @@ with alone(Path(sys.argv[1])):
     first = start(code, tmp_path / "x.sqlite")
     assert first.stdout.readline() == "mine\n"
     second = start(code, tmp_path / "x.sqlite")
-    assert "x.sqlite: another process is at work on it; waiting for its end." in second.stderr.readline()
+    assert "x.sqlite: another process is using it; waiting for its end." in second.stderr.readline()
     print(file=first.stdin, flush=True)
     assert second.stdout.readline() == "mine\n"
     print(file=second.stdin, flush=True)

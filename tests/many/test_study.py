@@ -40,7 +40,7 @@ WRONG = {
         '"source.slope" = 1.0': ["grid.source.slope: `1.0` found, a list of finite numbers"],
         '"source.slope" = []': ["grid.source.slope: "],
         '"noise.seed" = [1]': ["grid.noise.seed: the seed is also given in `seeds.noise`"],
-        '"source.y" = [1.0]': ["grid.source.y: `y` is not a parameter but of causality `output`"],
+        '"source.y" = [1.0]': ["grid.source.y: `y` is not a parameter but has the causality `output`"],
         '"source.table.file" = ["none.csv"]': ["there is no file"],
         '"noise.sample_time" = [0.07]': ["its step is 0.1 s and `sample_time` is 0.07 s"],
         '"source.seed" = [1, 1.5]': ["grid.source.seed: `seed` is `1.5`, a value of type Integer"],
@@ -68,7 +68,7 @@ WRONG = {
             "count", 'method = "sobol"\ncount'
         ): ["sample.count: 12 found, a power of 2 expected for Sobol: 8 or 16"],
         f'{SAMPLE.replace("8", "20_000_000")}distribution = "uniform"\nlow = 0.1\nhigh = 0.2': [
-            "sample.count: 20000000 found, at most 10000000 are gone through"
+            "sample.count: 20000000 found, at most 10000000 are allowed"
         ],
         '[trajectories]\nsignals = ["noise.z"]': ["trajectories.signals: `noise.z` matches no input or output"],
         "[trajectories]": ["trajectories.signals: missing"],
@@ -127,7 +127,7 @@ def test_same_noise_in_all_runs_and_nothing_to_keep_are_refused(write, fmus):
     silent = NOISE.replace("[seeds]\nnoise = 10\n", "")
     assert "2 runs of each point would be the same" in check_study(write(STUDY, silent), fmus)[0]
     bare = NOISE.partition("[metrics")[0]
-    assert "nothing would be kept" in check_study(write(STUDY, bare), fmus)[0]
+    assert "would be kept. Add" in check_study(write(STUDY, bare), fmus)[0]
     named = NOISE.replace("[metrics.spread]", "[metrics.run]")
     assert "metrics.run: a result has a column of that name" in check_study(write(STUDY, named), fmus)[0]
 

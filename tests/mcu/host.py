@@ -22,7 +22,12 @@ def played(design: Design, folder: Path, *flags: str) -> list[list[float]]:
     files = [str(folder / f"{design.name}{ending}.c") for ending in ("", "_main")]
     compile_("gcc", "-std=c99", "-O0", *flags, *files, "-lm", "-o", str(program))
     text = subprocess.run([str(program)], check=True, capture_output=True, text=True).stdout
-    titles, *rows = text.splitlines()
+    return read(design, text)
+
+
+def read(design: Design, printed: str) -> list[list[float]]:
+    """The rows that an example has printed."""
+    titles, *rows = printed.splitlines()
     assert titles.split(",") == [*design.kept["outputs"]]
     return [[float(cell) for cell in row.split(",")] for row in rows]
 

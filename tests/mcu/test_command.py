@@ -79,13 +79,13 @@ def test_lean_is_another_form_of_those_that_have_one(tmp_path: Path) -> None:
     "arguments, sentence",
     [
         (("semera", "ekf", "--outputs", "resistanc"), "no output `resistanc`. Did you mean `resistance`?"),
-        (("semera", "ekf", "--outputs", "resistance"), "`ekf` has none of these. Known: `current_error`"),
+        (("semera", "ekf", "--outputs", "resistance"), "`ekf` does not have these. Known: `current_error`"),
         (("semera", "--set", "noise.curent=1"), "no parameter `noise.curent`. Did you mean `noise.current`?"),
         (("semera", "--set", "noise.current"), "`parameter=value` expected. Correct it."),
         (("semera", "--set", "coil.turns=1", "--set", "coil.turns=2"), "coil.turns: given twice. Keep one."),
         (("semera", "--set", "noise.current=-1"), "semera: `noise.current` is -1; expected at least 0 A."),
         (("semra",), "no component semra"),
-        (("ekf", "--lean"), "--lean: `ekf`: there is no such form, only of `semera`. Leave it out."),
+        (("ekf", "--lean"), "--lean: `ekf`: only `semera` has such a form. Leave it out."),
     ],
 )
 def test_what_is_wrong_is_told_and_nothing_is_written(
@@ -115,6 +115,6 @@ def test_files_of_others_are_kept_and_own_ones_written_again(tmp_path: Path) -> 
     for path in made:
         path.write_text("mine")
         code, text = run("semera", "--out", str(tmp_path))
-        assert code == 2 and f"{path.name}` is there, and is not as we export it" in text
+        assert code == 2 and f"{path.name}` exists and is not an exported file" in text
         assert path.read_text() == "mine"
         path.write_bytes(made[path])

@@ -101,7 +101,7 @@ def test_file_and_arrays_both_changed_are_refused(tmp_path: Path) -> None:
     one = from_file(tmp_path / "own.csv", TIMES, VOLTS)
     one.set({"table.file.voltage": [1.0] * 5})
     one.slave.enterInitializationMode(startTime=0.0)
-    assert "`table.file`: both the file and the arrays are others" in one.refused("exitInitializationMode")
+    assert "`table.file`: both the file and the arrays differ from" in one.refused("exitInitializationMode")
 
 
 @pytest.mark.parametrize("rows", [0, 1, 1_000_001, 2**63])

@@ -17,6 +17,7 @@ from parts import FOLDERS, Part
 from unpacked_native import STRICT, Unpacked, bits, expected, outputs
 
 from gapsense.fmi.components import kernel_of, load_component
+from gapsense.fmi.sentences import say
 
 LARGEST = 350e3  # bytes of an FMU for two platforms; here is one
 
@@ -88,14 +89,37 @@ def on_python(part: Part, fmus: Path) -> Part:
     return part._replace(path=fmus / part.path.name)
 
 
-def test_page_says_which_functions_of_the_c_library_components_call() -> None:
-    """By the C that is emitted: the same for all platforms."""
-    calls: dict[str, set[str]] = {"exp": set(), "log": set(), "tanh": set(), "sin": set(), "cos": set(), "none": set()}
+CHANGED = (
+    ("-std=c99", "-ffast-math"),
+    ("-std=gnu99", "-ffp-contract=fast", "-mfma"),
+    ("-std=c99", "-ffinite-math-only"),
+)
+
+
+@pytest.mark.parametrize("part", [ROOT / "fmus" / "semera"], ids=["semera"], indirect=True)
+@pytest.mark.parametrize("options", [*CHANGED, ("-std=c99", "-mfma")], ids=" ".join)
+def test_a_binary_whose_compiler_has_changed_the_arithmetic_refuses(
+    options: tuple[str, ...], part: Part, unpacked: Unpacked, host: Path
+) -> None:
+    """By a message, and NULL instead of an instance; processors with FMA are welcome."""
+    if "-mfma" in options and not has_fma():
+        pytest.skip("a processor without FMA")
+    sources = sorted((unpacked.folder / "sources").glob("*.c"))
+    command = ["gcc", "-O2", *options, "-shared", "-fPIC", *map(str, sources), "-o", str(unpacked.library()), "-lm"]
+    subprocess.run(command, check=True, capture_output=True)
+    if options == ("-std=c99", "-mfma"):
+        assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+        return
+    with pytest.raises(AssertionError, match=re.escape(say("not_exact"))):
+        outputs([host], unpacked, part)
+
+
+def has_fma() -> bool:
+    """Whether the processor here can do a product and a sum in one operation."""
+    about = Path("/proc/cpuinfo")
+    return about.is_file() and " fma " in about.read_text(encoding="utf-8")
+
+
+def test_c_calls_only_functions_of_the_library_that_round_in_one_way() -> None:
     for folder in FOLDERS:
-        component = load_component(folder)
-        found = set(re.findall(r"F\((exp|log|tanh|sin|cos)\)", kernel_of(component).c()))
-        for name in found or {"none"}:
-            calls[name].add(component.name)
-    page = (ROOT / "docs" / "native.md").read_text(encoding="utf-8")
-    rows = re.findall(r"\| (?:`(\w+)`|(none) of these) \| ([\w, ]+) \|", page)
-    assert {a or b: {*names.split(", ")} for a, b, names in rows} == {k: v for k, v in calls.items() if v}
+        assert {*re.findall(r"F\((\w+)\)\(", kernel_of(load_component(folder)).c())} <= {"sqrt", "fabs", "floor"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -18,6 +19,7 @@ from test_natives import some
 from unpacked_native import STRICT, Unpacked, bits, compiled_host, expected, outputs, unpack
 
 SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
+KEPT = ROOT / "build" / "c_code"  # libraries by their sources and options
 OFTEN = ("drive_voltage", "mhe", "sensor")
 THREADS = """
 import sys, json
@@ -135,11 +137,18 @@ def test_decimal_comma_of_the_host_changes_nothing(natives: Path, german: str, t
 
 
 def sanitized(unpacked: Unpacked) -> list[str]:
-    """Compile the library of an FMU anew, so that it finds wrong accesses to memory."""
-    sources = sorted(path.name for path in (unpacked.folder / "sources").glob("*.c"))
-    command = ["gcc", *STRICT, *SANITIZED, "-shared", "-fPIC", *sources, "-o", str(unpacked.library()), "-lm"]
-    done = subprocess.run(command, cwd=unpacked.folder / "sources", capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    """Compile the library of an FMU anew, so that it finds wrong accesses to memory; of the same sources once."""
+    folder, library = unpacked.folder / "sources", unpacked.library()
+    command = ["gcc", *STRICT, *SANITIZED, "-shared", "-fPIC", *(path.name for path in sorted(folder.glob("*.c")))]
+    content = [path.read_bytes() for path in sorted(folder.iterdir())]
+    kept = KEPT / f"{hashlib.sha256(repr((command, content)).encode()).hexdigest()[:32]}.so"
+    if not kept.exists():
+        command += ["-o", str(library), "-lm"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        KEPT.mkdir(parents=True, exist_ok=True)
+        Path(shutil.copy(library, kept.with_suffix(f".{os.getpid()}"))).replace(kept)
+    shutil.copy(kept, library)
     found = subprocess.run(["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
     return [found.stdout.strip()]
 

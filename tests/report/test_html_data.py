@@ -178,7 +178,7 @@ def test_baseline_is_left_out_with_a_reason(saved):
     (one,) = read_all([saved])
     assert one.scenario is None and "has changed since it ran" in regression(one).note
     file.write_text("no toml", encoding="utf-8")
-    assert "cannot be read any more" in read_all([saved])[0].note
+    assert "can no longer be read" in read_all([saved])[0].note
     file.unlink()
     assert "not where it was" in read_all([saved])[0].note
 

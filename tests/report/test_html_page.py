@@ -197,10 +197,10 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
     assert len(error.value.problems) == 7 and not (tmp_path / "new").exists()
     found = (
         "`x_sweep.json` beside it is missing, or incomplete. Sweep again",
-        "what a sweep goes on from",
-        "it is no result. Name",
+        "what a sweep continues from",
+        "it is not a result. Name",
     )
-    for words in (*found, "SHA-256", "missing, damaged or no side-car", "it is the side-car"):
+    for words in (*found, "SHA-256", "missing, damaged or not a side-car", "it is the side-car"):
         assert words in told, words
     with pytest.raises(InputError, match="nothing to report on"):
         write_report([], tmp_path / "x.html")
@@ -238,7 +238,7 @@ def test_open_shows_the_file_in_the_browser_or_says_that_there_is_none(tmp_path,
     (url,) = opened
     assert url.isascii() and " " not in url and "#" not in url and urlsplit(url).scheme == "file"
     assert Path(url2pathname(urlsplit(url).path)).samefile(folder / "mit Öl.html")
-    assert ("no browser was found here" in " ".join(done.output.split())) is not is_there
+    assert ("no browser was found" in " ".join(done.output.split())) is not is_there
 
 
 def test_report_opens_no_browser_unless_asked(tmp_path, monkeypatch):

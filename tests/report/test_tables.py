@@ -127,7 +127,7 @@ def test_times_have_three_digits_from_nanoseconds_to_seconds():
 
 def test_loop_in_python_is_told(valve):
     in_python, in_c = (replace(valve, run=replace(valve.run, versions={"loop": by})) for by in ("Python", "C"))
-    assert "The loop in C does not load here" in " ".join(shown(tables.timing(in_python)).split())
+    assert "The loop in C cannot be loaded here" in " ".join(shown(tables.timing(in_python)).split())
     assert "loop" not in shown(tables.timing(in_c))
 
 

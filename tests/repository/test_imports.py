@@ -18,8 +18,8 @@ from gapsense import cosim
 from gapsense.cli import app
 
 OF_KERNELS = (  # in order: each may import those before it
-    "version", "units", "ports", "layout", "interface", "trace", "emit", "derivative", "linalg", "integrate",
-    "interpolate", "random", "kernel",
+    "version", "units", "ports", "layout", "interface", "trace", "elementary", "emit", "derivative", "linalg",
+    "integrate", "interpolate", "random", "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
     "version", "shipped", "native", "problems", "locks", "files", "tables", "parameters", "checked",

@@ -132,5 +132,5 @@ def test_component_that_takes_no_nan_is_told_with_the_event(fmus):
     with pytest.raises(FmuError) as caught:
         scenario.run()
     assert str(caught.value).startswith("valve, t = 0.000975 s (base step 40): fmi2DoStep returned fmi2Error")
-    assert str(caught.value).endswith("Event `lost` gives it NaN. If it takes none, use `stuck`.")
+    assert str(caught.value).endswith("Event `lost` gives it NaN. If it does not accept NaN, use `stuck`.")
     assert caught.value.result.events[0].begin == 1e-3

@@ -228,9 +228,9 @@ def test_campaign_has_the_same_numbers_and_a_run_that_fails_says_why(fmus, tmp_p
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        ({"experiment.isolation": "process"}, "processes of their own"),
+        ({"experiment.isolation": "process"}, "separate processes"),
         ({"experiment.pace": 100.0}, "a pace"),
-        (None, "not what this version builds: `valve` (SolenoidValve.fmu)"),
+        (None, "not from this version: `valve` (SolenoidValve.fmu)"),
     ],
 )
 def test_why_not_is_said_where_vectors_were_asked_for(fmus, tmp_path, caplog, change, why):
@@ -243,7 +243,7 @@ def test_why_not_is_said_where_vectors_were_asked_for(fmus, tmp_path, caplog, ch
     file.write_text(file.read_text("utf-8").replace("[experiment]", "\n".join(["[experiment]", *lines])), "utf-8")
     assert sweep(file, 2, fmus=folder).engine == "fmu" and not caplog.records
     assert sweep(file, 2, fmus=folder, engine="vectors").engine == "fmu"
-    assert why in caplog.records[0].message and "FMUs do the runs" in caplog.records[0].message
+    assert why in caplog.records[0].message and "runs with FMUs instead of vectors" in caplog.records[0].message
 
 
 def test_unknown_engine_is_refused(fmus):

@@ -82,7 +82,7 @@ def test_a_package_runs_as_the_scenario_that_says_the_same(brought, expected):
     notes, result = brought(CHAIN)
     assert same(result, expected())
     assert result.run.method == "jacobi" and result.run.base_step == 0.1
-    assert any("the coupling; `jacobi` is taken" in note for note in notes)
+    assert any("the coupling; `jacobi` is used" in note for note in notes)
     assert any("annotations of `org.openmodelica`" in note for note in notes)
 
 
@@ -257,7 +257,7 @@ def test_osp_annotations_tell_steps(brought):
     assert result.run.base_step == 0.05
     assert {name: c["step"] for name, c in result.run.components.items()} == {"source": 1, "lag": 2, "gain": 1}
     notes, result = brought(text.replace('value="0.1"', 'value="0.07"'), folder="b")
-    assert any("its step of 0.07 s is no multiple" in note for note in notes)
+    assert any("its step of 0.07 s is not a multiple" in note for note in notes)
 
 
 def test_options_tell_what_the_package_does_not(tmp_path, stock):
@@ -321,8 +321,8 @@ REFUSALS = {
     "model exchange": ('resources/Lag.fmu" ', 'resources/Lag.fmu" implementation="ModelExchange"', "ModelExchange"),
     "no file": ("resources/Lag.fmu", "resources/Lagg.fmu", "there is no `resources/Lagg.fmu` in the package"),
     "elsewhere": ("resources/Lag.fmu", "../Lag.fmu", "there is no `../Lag.fmu` in the package"),
-    "absolute": ("resources/Lag.fmu", "/etc/passwd", "outside of the package"),
-    "web": ("resources/Lag.fmu", "https://example.org/Lag.fmu", "outside of the package"),
+    "absolute": ("resources/Lag.fmu", "/etc/passwd", "outside the package"),
+    "web": ("resources/Lag.fmu", "https://example.org/Lag.fmu", "outside the package"),
     "no FMU": ("resources/Lag.fmu", "SystemStructure.ssd", "cannot be used"),
     "kind": ('name="u" kind="input"', 'name="u" kind="inout"', "is of kind inout"),
     "unknown connector": (
@@ -365,7 +365,7 @@ REFUSALS = {
     "unit": ('<ssv:Real value="2.0"/>', '<ssv:Real value="2.0" unit="A"/>', "there is no conversion"),
     "variable": ('name="u" kind="input"', 'name="w" kind="input"', "no such connector"),
     "version": ('name="other" version="1.0">', 'name="other" version="2.0">', "it is of SSP `2.0`"),
-    "whole": ('stepSize="0.100000"', 'stepSize="0.3"', "must be a whole number"),
+    "whole": ('stepSize="0.100000"', 'stepSize="0.3"', "a whole number of at least 1 expected"),
     "algebraic": (
         link("lag.y", "gain.u"),
         link("gain.y", "gain.u", linear(1.0), 'suppressUnitConversion="true"'),
@@ -419,7 +419,7 @@ MALICIOUS = {
     "file and folder": ((SSD, ("resources", b"x"), ("resources/a.fmu", b"x")), "a file and a folder"),
     "empty": ((("readme.txt", b"x"),), "has no SystemStructure.ssd"),
     "document type": ((("SystemStructure.ssd", BOMB.encode()),), "document type"),
-    "no XML": ((("SystemStructure.ssd", b"<ssd:"),), "is no XML"),
+    "no XML": ((("SystemStructure.ssd", b"<ssd:"),), "is not XML"),
     "encoding": ((("SystemStructure.ssd", b'<?xml version="1.0" encoding="utf-7"?><a/>'),), "UTF-8 is expected"),
     "other XML": ((("SystemStructure.ssd", b"<a/>"),), "a system of SSP 1.0 is expected"),
 }

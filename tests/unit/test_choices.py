@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from traced import Inputs, Pair, State, compiled, python_text
 
+from gapsense.kernels.elementary import log
 from gapsense.kernels.emit import Python
 from gapsense.kernels.kernel import trace
-from gapsense.kernels.trace import cond, load, log, sqrt, store, where
+from gapsense.kernels.trace import cond, load, sqrt, store, where
 
 
 def shared(a: Any, b: Any, c: Any) -> Any:

@@ -55,7 +55,7 @@ def test_all_problems_of_a_file_are_told_at_once(tmp_path) -> None:
         f"{file}, line 3, column 2 (`a`): `x` found, a number expected. Correct it.",
         f"{file}, line 5, column 2 (`a`): `` found, a number expected. Correct it.",
         f"{file}, line 6, column 1 (`time`): `y` found, a number expected. Correct it.",
-        f"{file}: 2 more cells hold no number.",
+        f"{file}: 2 more cells do not hold a number.",
     ]
 
 

@@ -102,7 +102,7 @@ def test_any_choice_of_outputs_has_the_bits_of_all(name: str, seeds: range) -> N
 
 def compiled(initial: Graph, step: Graph, kept: dict[str, list[str]]) -> dict[str, Any]:
     """The functions as Python on records that hold more than they need."""
-    space = namespace("\n\n".join([Python.head, Python(initial).source(), Python(step).source()]), "needed")
+    space = namespace(Python.module(Python(initial).source(), Python(step).source()), "needed")
 
     def few(record: Any, name: str) -> tuple[Any, ...]:
         values = dict(zip(names(type(record)), flat(record)))

@@ -128,7 +128,7 @@ def test_steps_do_not_change_a_state_that_was_saved():
         (lambda: gapsense.SolenoidValve().run([1.0], sample_time=-1.0), "the communication step is -1.0 s"),
         (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0, sample_time=0.0), "`sample_time` is 0.0; expected at least"),
         (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0, outputs=["positon"]), "Did you mean `position`?"),
-        (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0).positon, "`positon` is no output. Did you mean `position`?"),
+        (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0).positon, "`positon` is not an output. Did you mean `position`?"),
         (lambda: gapsense.Nothing, "no attribute 'Nothing'"),
     ],
 )

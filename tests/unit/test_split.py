@@ -32,7 +32,7 @@ def graph(function: Any) -> Graph:
 
 def parts(function: Any) -> dict[str, Any]:
     space: dict[str, Any] = {}
-    text = "\n\n".join([Python.head, *(Python(g).source() for g in split(graph(function), Python)), STEP])
+    text = Python.module(*(Python(g).source() for g in split(graph(function), Python)), STEP)
     exec(text, space)
     return space
 

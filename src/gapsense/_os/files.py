@@ -163,7 +163,7 @@ def read_sheet(path: Path, problems: list[str], content: bytes | None = None) ->
     try:
         content = read_bytes(path) if content is None else content
         if b"\0" in content:  # before it is copied: some versions of the reader take it
-            raise csv.Error("it has NUL bytes")
+            raise csv.Error("it contains NUL bytes")
         text = content.decode("utf-8-sig")
         reader = csv.reader(io.StringIO(text, newline=""))
         lines = [(reader.line_num, row) for row in reader if row]
@@ -196,7 +196,7 @@ def ragged(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> li
     """Sentences on the first lines with more or fewer cells than there are columns."""
     wrong = [(n, len(row)) for n, row in lines if len(row) != width]
     told = [f"{path}, line {n}: {count} values found, {width} expected. Correct it." for n, count in wrong[:SHOWN]]
-    return told + more(path, len(wrong), "lines have another number of values")
+    return told + more(path, len(wrong), "lines have a wrong number of values")
 
 
 def more(path: Path, count: int, what: str) -> list[str]:
@@ -243,7 +243,7 @@ def no_numbers(sheet: Sheet) -> list[str]:
         return [f"{sheet.path}: no table of numbers below a line of names `name [unit]`. Name another file."]
     cells = [(i, j, text) for i, row in enumerate(sheet.rows) for j, text in enumerate(row) if number(text) is None]
     told = [f"{sheet.place(i, j)}: `{text}` found, a number expected. Correct it." for i, j, text in cells[:SHOWN]]
-    return told + more(sheet.path, len(cells), "cells hold no number")
+    return told + more(sheet.path, len(cells), "cells do not hold a number")
 
 
 def number(text: str) -> float | None:
@@ -287,7 +287,7 @@ def read_bytes(path: Path, most: int = LARGEST) -> bytes:
     try:
         about = path.stat()
     except ValueError:  # a NUL character in its name
-        raise OSError(errno.EINVAL, "no file can have this name", str(path)) from None
+        raise OSError(errno.EINVAL, "a file cannot have this name", str(path)) from None
     if not stat.S_ISREG(about.st_mode):
         found = KINDS.get(stat.S_IFMT(about.st_mode), "something else")
         raise OSError(errno.EINVAL, f"it is {found}, a file is expected", str(path))
@@ -325,7 +325,7 @@ def unwritable(path: Path, is_folder: bool = False) -> str:
         with tempfile.TemporaryFile(dir=place):
             return ""
     except OSError as error:
-        return f"there cannot be a new file in `{place}` ({error.strerror})"
+        return f"no new file can be made in `{place}` ({error.strerror})"
 
 
 def kind(path: Path) -> str:
@@ -333,16 +333,16 @@ def kind(path: Path) -> str:
     try:
         mode = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        return "a link to nothing" if path.is_symlink() else ""
+        return "a broken link" if path.is_symlink() else ""
     return FILE if stat.S_ISREG(mode) else KINDS.get(stat.S_IFMT(mode), "something else")
 
 
 def unfit(name: str, foreign: frozenset[str] = FOREIGN) -> str:
     """Why a file cannot have a name on every system, or nothing."""
     if not name.isprintable() or foreign.intersection(name):
-        return "has characters that file names do not have everywhere"
+        return "has characters that some systems do not allow in file names"
     if DEVICE.fullmatch(name) or name.endswith((".", " ")) or name.startswith(("-", " ")):
-        return "is one that commands or systems take for something else"
+        return "has another meaning to commands or to some systems"
     return f"is longer than {LONGEST_NAME} bytes" if len(name.encode("utf-8", "replace")) > LONGEST_NAME else ""
 
 

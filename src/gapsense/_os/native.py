@@ -15,7 +15,8 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,9 +24,6 @@ ZIG = "0.17.1"  # another version may give other bytes
 TARGET = "x86_64-linux-gnu.2.17"  # CentOS 7
 FLAGS = ("-std=gnu11", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Werror")
 ZIG_FLAGS = ("-target", TARGET, "-fno-sanitize=all", "-Wl,--build-id=none")
-
-# Compilers would compute these at compile time for some arguments, rounded otherwise than the library does.
-NO_FOLDING = tuple(f"-fno-builtin-{name}" for name in ("exp", "log", "sin", "cos", "tan", "tanh", "pow"))
 
 
 class NativeError(RuntimeError):
@@ -73,6 +71,7 @@ class Library:
     libraries: tuple[str, ...] = ()  # for the linker, at the end of the command
     headers: Callable[[], Path] | None = None  # gives the folder of headers from elsewhere
     embedded: tuple[str, ...] = ()  # files beside the source whose text is in the binary
+    generated: Callable[[], Mapping[str, str]] = dict  # gives the text of headers that are made, by name
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -83,7 +82,7 @@ class Library:
         """SHA-256 of the C sources, the compiler's version and its options; line ends do not count."""
         digest = hashlib.sha256()
         files = (*sorted(self.source.parent.glob("*.[ch]")), *map(self.source.with_name, self.embedded))
-        texts = (file.read_text("utf-8") for file in files)
+        texts = (*(file.read_text("utf-8") for file in files), *self.generated().values())
         for part in (*texts, ZIG, *ZIG_FLAGS, *self.flags, *self.libraries):
             digest.update(part.encode())
             digest.update(b"\0")
@@ -95,8 +94,11 @@ class Library:
         include = [f"-I{self.headers()}"] if self.headers else []
         # Relative to the folder, so that its absolute path cannot reach the binary.
         output = ("-o", str(destination.resolve()))
-        command = [*compiler, *self.flags, mark, *include, self.source.name, *output, *self.libraries]
-        done = subprocess.run(command, cwd=self.source.parent, capture_output=True, text=True, check=False)
+        with tempfile.TemporaryDirectory() as folder:
+            for name, text in self.generated().items():
+                Path(folder, name).write_text(text, encoding="utf-8")
+            command = [*compiler, *self.flags, mark, *include, "-I", folder, self.source.name, *output, *self.libraries]
+            done = subprocess.run(command, cwd=self.source.parent, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise NativeError(f"`{compiler[0]}` could not compile `{self.source.name}`:\n{done.stderr.strip()}")
         return destination
@@ -119,7 +121,7 @@ class Library:
             return [f"`{binary}` does not exist. {again}"]
         found = []
         if f"gapsense-{self.source.stem}:{self.fingerprint()}".encode() not in binary.read_bytes():
-            found.append(f"`{binary}` was not made from the present sources and options. {again}")
+            found.append(f"`{binary}` is not up to date with its sources and options. {again}")
         if sys.platform == "linux" and platform.machine() == "x86_64":
             library = ctypes.CDLL(str(binary))
             missing = [name for name in self.exports if not hasattr(library, name)]
@@ -129,8 +131,6 @@ class Library:
 
     def check(self) -> None:
         """Compare the committed binary with its sources and, where Zig is installed, with a rebuild, byte for byte."""
-        import tempfile
-
         found = self.problems()
         if not found and zig_version() == ZIG:
             with tempfile.TemporaryDirectory() as folder:

@@ -21,8 +21,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.actuators.magnetics import MU_0
+from gapsense.kernels.elementary import exp, log, tanh
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import clip, cond, exp, fabs, log, square, tanh, where
+from gapsense.kernels.trace import clip, cond, fabs, square, where
 
 SMALL = 0.1  # argument below which the Langevin function is taken from its series
 UNSATURABLE = 1e9  # factor of M_sat and a by which the core becomes linear at the same initial slope

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from gapsense.kernels.elementary import log
 from gapsense.kernels.interpolate import Cubic, cubic, spline_piece
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.trace import cond, fabs, load, locate, log, square, where
+from gapsense.kernels.trace import cond, fabs, load, locate, square, where
 
 MU_0 = 4e-7 * math.pi  # [H/m]
 SATURATED = 0.999  # |lambda| / lambda_sat from which the core reluctance stays constant

@@ -33,14 +33,14 @@ class RunsByDefault(TyperGroup):
 group = typer.Typer(
     cls=RunsByDefault,
     no_args_is_help=True,
-    help="Thousands of runs over what a study file varies: `gapsense campaign STUDY.toml` is `... run STUDY.toml`.",
+    help="Run the cases of a study file, thousands if need be; `campaign STUDY.toml` means `campaign run STUDY.toml`.",
 )
 cli.app.add_typer(group, name="campaign")
 Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result", show_default=False)]
 Export = Annotated[
     Path | None,
     cli.Output.FILE,
-    typer.Option(help="CSV or Parquet file to write, with a row per run", show_default=False),
+    typer.Option(help="CSV or Parquet file to write, one row per run", show_default=False),
 ]
 
 
@@ -51,7 +51,10 @@ def run(
         int | None, typer.Option(help="Processes", min=1, max=1000, show_default="one per processor")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="Dask scheduler whose workers do the runs: tcp://HOST:8786", show_default=False)
+        str | None,
+        typer.Option(
+            help="Address of a Dask scheduler, whose workers then do the runs: tcp://HOST:8786", show_default=False
+        ),
     ] = None,
     fmus: cli.Fmus = None,
     to: Annotated[
@@ -64,7 +67,7 @@ def run(
     export: Export = None,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
-    """Run a study. Runs that are in its folder already are not repeated: the same command continues it."""
+    """Run a study. Runs already in its folder are not repeated, so the same command continues it."""
     from gapsense.many.campaign import campaign
     from gapsense.many.prepare import check_study
     from gapsense.many.result import check_export
@@ -81,13 +84,13 @@ def run(
     done = f"{result.computed} of them done now{cli.as_vectors(result)}"
     cli.show(f"{result.folder}: {result.rows} of {result.runs} runs, {done}.")
     if result.interrupted:
-        cli.problem("interrupted; the same command goes on from here.", "yellow")
+        cli.problem("interrupted; run the same command to continue.", "yellow")
     raise SystemExit(cli.INTERRUPTED if result.interrupted else cli.COMPONENT_FAILED if result.failed else 0)
 
 
 @cli.command("show", group)
 def show(result: Result, export: Export = None) -> None:
-    """Show quantiles of every metric, what it depends on, and what failed; also while the campaign runs."""
+    """Show quantiles of every metric, what each depends on, and what failed. Works while the campaign runs, too."""
     from gapsense.many.result import check_export, read_campaign
 
     if export:

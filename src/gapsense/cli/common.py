@@ -106,7 +106,9 @@ def options(
     """Options of the program itself."""
 
 
-studies = typer.Typer(no_args_is_help=True, help="Studies of the papers: figures, numbers beside the published.")
+studies = typer.Typer(
+    no_args_is_help=True, help="Repeat studies of the papers: figures, and numbers beside the published ones."
+)
 app.add_typer(studies, name="study")
 
 
@@ -130,16 +132,17 @@ Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", sho
 Set = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", help="COMPONENT.PARAMETER=VALUE: another value, also of an input or a seed", show_default=False
+        "--set", help="COMPONENT.PARAMETER=VALUE: replace a value; inputs and seeds work too", show_default=False
     ),
 ]
 Fmus = Annotated[
     Path | None,
-    typer.Option(help="Folder of the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
+    typer.Option(help="Folder with the FMUs", show_default="build/fmus, or else those that come with Gapsense"),
 ]
-ENGINE = "What does the runs: fmu, native, vectors (our own components without FMUs, same bits), or auto"
+ENGINE = "How to run: fmu, native, vectors (Gapsense's own components without FMUs, bit-identical), or auto"
 Engine = Annotated[
-    str, typer.Option(help=ENGINE, show_default="auto: vectors, where a C compiler is and all FMUs are ours")
+    str,
+    typer.Option(help=ENGINE, show_default="auto: vectors if there is a C compiler and all FMUs are Gapsense's own"),
 ]
 EngineOfTests = Annotated[str, typer.Option("--engine", help=ENGINE)]
 Native = Annotated[bool, typer.Option("--native", help="Use the native FMUs in build/native")]
@@ -164,7 +167,7 @@ class Output(Enum):
 Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
 FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
 Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
-Workers = Annotated[int, typer.Option(help="Processes; the numbers do not depend on it", min=1, max=1000)]
+Workers = Annotated[int, typer.Option(help="Number of processes; results do not depend on it", min=1, max=1000)]
 Function = TypeVar("Function", bound=Callable[..., None])
 
 
@@ -196,7 +199,7 @@ def study(name: str) -> Callable[[Function], Function]:
 def engine_of(engine: str, native: bool) -> str:
     """The engine that two options choose together."""
     if native and engine == "vectors":
-        raise InputError([f"--native and --engine {engine} do not go together. Leave one out."])
+        raise InputError([f"--native and --engine {engine} cannot be combined. Leave one out."])
     return "native" if native else engine
 
 
@@ -210,7 +213,7 @@ def shown(file: Path) -> None:
     import webbrowser
 
     if not webbrowser.open(file.resolve().as_uri()):
-        notice(f"no browser was found here. Open {file} in one yourself.")
+        notice(f"no browser was found. Open {file} yourself.")
 
 
 def tell(found: Found) -> NoReturn:

@@ -17,26 +17,26 @@ if TYPE_CHECKING:
 
 @cli.command("compare")
 def compare(
-    result: Annotated[Path, typer.Argument(help="CSV of a result, or a folder of results", show_default=False)],
+    result: Annotated[Path, typer.Argument(help="CSV file of a result, or a folder of results", show_default=False)],
     reference: Annotated[Path, typer.Argument(help="Reference to compare with, of the same kind", show_default=False)],
     rtol: Annotated[float, typer.Option(help="Allowed difference as a share of the nominal value")] = RTOL,
-    atol: Annotated[float, typer.Option(help="Allowed difference in the unit of the signal, added to that")] = 0.0,
+    atol: Annotated[float, typer.Option(help="Allowed difference in the unit of the signal, in addition")] = 0.0,
     tolerances: Annotated[
         list[str] | None,
         typer.Option("--tolerance", help="PATTERN=RTOL or PATTERN=RTOL,ATOL: for these signals", show_default=False),
     ] = None,
     edge_steps: Annotated[
-        int, typer.Option(help="Steps of its component that an edge may come earlier or later", min=0)
+        int, typer.Option(help="Steps of its component by which an edge may come earlier or later", min=0)
     ] = EDGE_STEPS,
     signals: Annotated[
         list[str] | None,
-        typer.Option("--signal", help="Signal or pattern; all others are left out", show_default=False),
+        typer.Option("--signal", help="Signal or pattern to compare; all others are ignored", show_default=False),
     ] = None,
     after: Annotated[float, typer.Option(help="Only rows from this time on [s]", show_default=False)] = -math.inf,
     before: Annotated[float, typer.Option(help="Only rows up to this time [s]", show_default=False)] = math.inf,
     figure: cli.Picture = None,
 ) -> None:
-    """Compare a result with another one, signal by signal: |result - reference| <= atol + rtol x nominal.
+    """Compare two results signal by signal: |result - reference| <= atol + rtol x nominal.
 
     Signals that differ come first, three lines each. Exit code 1 if something differs.
     """

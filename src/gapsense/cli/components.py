@@ -25,7 +25,9 @@ def component_names(incomplete: str) -> list[str]:
 
 Root = Annotated[
     Path | None,
-    typer.Option(help="Folder with fmus/", show_default="a checkout here or above, or else what comes with Gapsense"),
+    typer.Option(
+        help="Folder with fmus/", show_default="a checkout here or in a parent folder, else what comes with Gapsense"
+    ),
 ]
 
 
@@ -41,22 +43,25 @@ def build(
     ] = None,
     parameters: Annotated[
         list[Path] | None,
-        typer.Option(help="Parameter-set file of start values; each FMU takes those it has", show_default=False),
+        typer.Option(
+            help="Parameter-set file of start values; each FMU takes the parameters that it has", show_default=False
+        ),
     ] = None,
     root: Root = None,
-    native: Annotated[bool, typer.Option("--native", help="Native FMUs, compiled from C, into build/native")] = False,
+    native: Annotated[bool, typer.Option("--native", help="Build native FMUs from C, in build/native")] = False,
     platforms: Annotated[
         list[str] | None,
         typer.Option(
-            help="Of native FMUs, with commas: linux64, win64, darwin64, aarch64-linux, here",
-            show_default="all with ziglang, else this machine's",
+            help="Platforms of native FMUs, separated by commas: linux64, win64, darwin64, aarch64-linux, here",
+            show_default="all of them with ziglang, else this machine's",
         ),
     ] = None,
     scalars: Annotated[
-        bool, typer.Option("--scalars", help="Native FMUs whose FMI 3.0 has no arrays, for hosts without them")
+        bool,
+        typer.Option("--scalars", help="Native FMUs without arrays in FMI 3.0, for hosts that do not support them"),
     ] = False,
 ) -> None:
-    """Build and validate the FMUs of the components, on request with other start values, or as native ones."""
+    """Build and validate the FMUs of the components, with other start values or as native FMUs if asked."""
     from gapsense.fmi.components import components_folder, find_checkout, find_components
     from gapsense.identification.parameter_set import read_sets, take_values
 
@@ -64,7 +69,7 @@ def build(
     folders = find_components(every, names or ())
     values = take_values(folders, parameters, find_components(every)) if parameters else {}
     if assumed := ", ".join(f"`{name}`" for name in read_sets(parameters or []).assumed):
-        notice(f"assumed in the parameter file, not known: {assumed}. The FMUs start with these values all the same.")
+        notice(f"the parameter file only assumes {assumed}. The FMUs start with these values nevertheless.")
     is_native = bool(native or platforms or scalars)
     to = to or (root or find_checkout() or Path()) / (NATIVE_FOLDER if is_native else FMU_FOLDER)
     refuse_unwritable(folders=[to])  # also where nobody has named it

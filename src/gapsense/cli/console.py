@@ -29,8 +29,8 @@ ADVICE = {
     errno.ENOSPC: f"Make room on its disk, {ELSEWHERE}",
     errno.EDQUOT: f"Make room within your share of its disk, {ELSEWHERE}",
     errno.EFBIG: f"Allow larger files (`ulimit -f`), {ELSEWHERE}",
-    errno.EMFILE: "Allow more open files (`ulimit -n`), or take fewer workers",
-    errno.ENFILE: "Close other programs, or take fewer workers",
+    errno.EMFILE: "Allow more open files (`ulimit -n`), or use fewer workers",
+    errno.ENFILE: "Close other programs, or use fewer workers",
 }
 FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
 

@@ -27,12 +27,15 @@ def export_c(
     outputs: Annotated[
         list[str] | None,
         typer.Option(
-            help="Outputs, with commas between; nothing else is computed", show_default="all that a component has"
+            help="Outputs, separated by commas; nothing else is computed", show_default="all outputs of a component"
         ),
     ] = None,
     parameters: Annotated[
         list[Path] | None,
-        typer.Option(help="Parameter-set file of start values; each component takes those it has", show_default=False),
+        typer.Option(
+            help="Parameter-set file of start values; each component takes the parameters that it has",
+            show_default=False,
+        ),
     ] = None,
     settings: Annotated[
         list[str] | None,
@@ -41,11 +44,11 @@ def export_c(
     bake: Annotated[bool, typer.Option("--bake", help="Make the parameters constants of the code")] = False,
     lean: Annotated[
         bool,
-        typer.Option("--lean", help="A form with fewer operations, rounded otherwise, where there is one (semera)"),
+        typer.Option("--lean", help="Use the form with fewer operations, whose rounding differs (semera only)"),
     ] = False,
     root: Root = None,
 ) -> None:
-    """Write components as C99 for microcontrollers: source, header, an example that runs, a README."""
+    """Write components as C99 for microcontrollers: source, header, a working example and a README."""
     from gapsense.embedded.design import check_lean, check_outputs, designed
     from gapsense.embedded.export import export
     from gapsense.fmi.components import components_folder, find_components

@@ -28,7 +28,7 @@ def new(
         str | None, typer.Option(help="Example to copy, see `gapsense list`", show_default="a minimal scenario")
     ] = None,
 ) -> None:
-    """Write a scenario to start from: a drive, a valve, a sensor and an estimator, or the copy of an example."""
+    """Write a scenario to start from: a drive, a valve, a sensor and an estimator, or a copy of an example."""
     source = None if like is None else example(like)
     if like is not None and source is None:
         raise InputError([f"--like: there is no example `{like}`. {suggest(like, examples())}"])
@@ -77,7 +77,7 @@ def schema(
         Path | None, Output.FILE, typer.Option("--out", help="File to write", show_default="print it")
     ] = None,
 ) -> None:
-    """Show or write the JSON schema of scenario files, by which editors complete and check them.
+    """Show or write the JSON schema of scenario files, with which editors complete and check them.
 
     Name it in the first line of a scenario: `#:schema scenario.schema.json`.
     """

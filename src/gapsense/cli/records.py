@@ -106,7 +106,7 @@ command("estimate")(
     of(
         estimate,
         "estimating",
-        "Draws what they say. Exit code 1 if one of them cannot be right, by what the record itself tells.",
+        "Draws what they say. Exit code 1 if the record itself shows that one of them is wrong.",
         figure="results/<data>_estimates.png",
     )
 )

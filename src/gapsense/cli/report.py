@@ -28,7 +28,7 @@ def report(
     ] = None,
     show: Annotated[bool, typer.Option("--open", help="Open it in the browser")] = False,
 ) -> None:
-    """Write one HTML file on results: what ran, wiring, plots, metrics, baseline, timing; no server is needed.
+    """Write one HTML file about results: what ran, wiring, plots, metrics, baseline, timing. It needs no server.
 
     Of a sweep or a campaign it has the distribution of each metric, over what was varied, and the worst runs. Several
     results come one below the other, with a table of all of them at the top.
@@ -46,7 +46,9 @@ def report(
 def free(file: Path) -> Path:
     """Refuse to replace a file that is no report of Gapsense."""
     if os.path.lexists(file) and END not in read_bytes(file)[:LOOKED_AT]:
-        raise InputError([f"{file}: there is a file that is no report of Gapsense. Remove it, or choose `--out`."])
+        raise InputError(
+            [f"{file}: this file exists and is not a Gapsense report. Remove it, or choose another with `--out`."]
+        )
     return file
 
 

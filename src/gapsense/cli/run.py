@@ -74,7 +74,7 @@ def run(
         notice(remark)
     show(f"{file}: {number_of(result.times.size, 'row')}, {number_of(len(result.signals), 'signal')}.")
     if result.interrupted:
-        on = " `--resume` goes on from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
+        on = " use `--resume` to continue from the checkpoint." if checkpoint and checkpoint.file.is_file() else ""
         notice(f"interrupted at t = {result.times[-1]:.6g} s; what was computed is in {file}.{on}")
         raise SystemExit(INTERRUPTED)
     if checkpoint:

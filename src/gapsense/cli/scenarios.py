@@ -26,7 +26,7 @@ REMEDY = "Leave it out of `baseline.signals`, or give it a larger tolerance in `
 
 @cli.command("check")
 def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
-    """Check a scenario and all its variants without running it; every problem is told at once."""
+    """Check a scenario and all its variants without running it, and list every problem."""
     source = cosim.changed(scenario, settings or ())
     if problems := cosim.check(source, variant, fmus):
         raise cosim.ScenarioError(problems)
@@ -43,17 +43,21 @@ def run(
     scenario: cli.Scenario,
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
-    to: Annotated[Path, typer.Option("--out", help="Folder for the CSV and its JSON side-car, or the CSV")] = TO,
+    to: Annotated[
+        Path, typer.Option("--out", help="Folder for the CSV file and its JSON side-car, or name of the CSV file")
+    ] = TO,
     every: Annotated[
         float | None,
-        typer.Option("--checkpoint", help="Save the run after each such span of simulated time", metavar="SECONDS"),
+        typer.Option(
+            "--checkpoint", help="Save the run each time that so much simulated time has passed", metavar="SECONDS"
+        ),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint")] = False,
     settings: cli.Set = None,
     native: cli.Native = False,
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
-    """Run a scenario: metrics beside published values, time per component, results as CSV and JSON."""
+    """Run a scenario: print metrics, published values and time per component; write results as CSV and JSON."""
     fmus = cli.chosen(scenario, fmus, native)
     if only_check:
         return check(scenario, variant, fmus, settings)
@@ -79,9 +83,9 @@ def sweep(
     engine: cli.Engine = "auto",
     signals: Annotated[bool, typer.Option("--signals", help="Keep the recorded signals of every run too")] = False,
 ) -> None:
-    """Run a scenario over its `[sweep]` and over seeds; median and 5-95 % range of every metric.
+    """Run a scenario over its `[sweep]` and over seeds; show median and 5-95 % range of every metric.
 
-    A sweep that was interrupted goes on where it was: runs that are in the folder are not computed again.
+    An interrupted sweep continues where it was: runs already in the folder are not repeated.
     """
     engine = cli.engine_of(engine, native)
     fmus = cli.chosen(scenario, fmus, engine == "native")
@@ -102,7 +106,7 @@ def sweep(
     for index, error in swept.errors.items():
         cli.problem(f"run {index}: {error}")
     if swept.interrupted:
-        cli.problem("interrupted; the same command goes on from here.", "yellow")
+        cli.problem("interrupted; run the same command to continue.", "yellow")
     raise SystemExit(cli.INTERRUPTED if swept.interrupted else cli.COMPONENT_FAILED if swept.errors else 0)
 
 
@@ -143,7 +147,7 @@ def figure(
 def read_saved(file: Path, *options: object) -> cosim.Result:
     """Read a saved result, for which no option of a run makes sense."""
     if any(options):
-        raise ValueError(f"`{file}` is a result: --variant, --fmus and --set are for a run. Leave them out.")
+        raise ValueError(f"`{file}` is a result: --variant, --fmus and --set apply to a new run only. Leave them out.")
     return cosim.read_result(file)
 
 
@@ -156,9 +160,9 @@ def test(
     ] = None,
     native: cli.Native = False,
     engine: cli.EngineOfTests = "fmu",
-    figures: Annotated[Path, typer.Option(help="Folder for pictures of what differs from a baseline")] = FAILED,
+    figures: Annotated[Path, typer.Option(help="Folder for figures of signals that differ from a baseline")] = FAILED,
 ) -> None:
-    """Run every scenario and variant; compare metrics with bounds and trajectories with baselines."""
+    """Run every scenario and variant, and compare metrics with bounds and trajectories with baselines."""
 
     def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
         if last:
@@ -192,16 +196,18 @@ def baseline(
     scenario: cli.Scenario,
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
-    write: Annotated[bool, typer.Option("--write", help="Write it; without this only the changes are shown")] = False,
+    write: Annotated[
+        bool, typer.Option("--write", help="Write the baseline; without this, the changes are only shown")
+    ] = False,
     sensitive: Annotated[
-        bool, typer.Option("--sensitivity", help="Show instead how changes of 1e-9 grow in its signals")
+        bool, typer.Option("--sensitivity", help="Show instead how far changes of 1e-9 spread in the signals")
     ] = False,
     native: cli.Native = False,
 ) -> None:
     """Show what a new baseline of a scenario would change, and write it only with --write.
 
-    With --sensitivity all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
-    four runs. A signal that then leaves its tolerance tells more of rounding than of the scenario: exit code 1.
+    With --sensitivity, all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
+    four runs. A signal that then leaves its tolerance depends more on rounding than on the scenario: exit code 1.
     """
     fmus = cli.chosen(scenario, fmus, native)
     if sensitive:

@@ -27,7 +27,7 @@ def export_ssp(
 ) -> None:
     """Write a scenario as a system structure package (SSP 1.0), which other tools run.
 
-    What SSP has no words for is carried in annotations and told, one sentence each.
+    What SSP cannot express is stored in annotations, and a note says so for each.
     """
     from gapsense.ssp.export import export
 
@@ -42,16 +42,16 @@ def import_ssp(
     package: Annotated[Path, typer.Argument(help="System structure package (.ssp)", show_default=False)],
     to: Annotated[Path, cli.Output.FOLDER, typer.Option("--out", help="Folder to make", show_default=False)],
     step: Annotated[
-        float | None, typer.Option(help="Base step [s]", show_default="what annotations of known tools tell")
+        float | None, typer.Option(help="Base step [s]", show_default="from annotations of known tools")
     ] = None,
-    stop: Annotated[float | None, typer.Option(help="End of the run [s]", show_default="that of the package")] = None,
+    stop: Annotated[float | None, typer.Option(help="End of the run [s]", show_default="as in the package")] = None,
     method: Annotated[
-        Method | None, typer.Option(help="Coupling", show_default="that of our annotation, or jacobi")
+        Method | None, typer.Option(help="Coupling", show_default="from Gapsense's annotation, else jacobi")
     ] = None,
 ) -> None:
-    """Make a scenario of a system structure package (SSP 1.0), whichever tool has written it.
+    """Make a scenario from a system structure package (SSP 1.0) of any tool.
 
-    Everything that is wrong with the package or not supported is told at once, and then nothing is written.
+    If anything in the package is wrong or not supported, all of it is listed and nothing is written.
     """
     from gapsense.ssp.bring import bring
 

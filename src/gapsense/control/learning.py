@@ -15,9 +15,10 @@ from gapsense.control.mover import NUMBERS, Motion, Mover, depth, make_mover, mo
 from gapsense.control.profile import stops
 from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
 from gapsense.estimators.kalman import Gaussian, condition
+from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import diagonal, matrix, vector
-from gapsense.kernels.trace import clip, cond, fabs, load, log, square, where
+from gapsense.kernels.trace import clip, cond, fabs, load, square, where
 
 TREND, KEEP, CLEAR = 0.07, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
 AT_ONCE = 2  # samples of a pass that are taken in a step

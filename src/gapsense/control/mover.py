@@ -11,9 +11,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from gapsense.estimators.gap import Gap, gap, make_gap
+from gapsense.kernels.elementary import exp
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import vector
-from gapsense.kernels.trace import clip, exp, square, where
+from gapsense.kernels.trace import clip, square, where
 
 LIGHT, FLAT, FARTHEST, STRONGEST = 1e-3, 1e-3, 5.0, 1e6  # beyond these an estimator talks nonsense
 NUMBERS = 4  # a, b, q, r

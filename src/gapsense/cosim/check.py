@@ -160,7 +160,7 @@ def sized(description: Description, component: Component, problems: list[str]) -
     try:
         return described(description.path, tuple(sizes.items())) if sizes else description
     except UnusableError as error:
-        problems.append(f"components.{component.name}: `{description.path}` cannot be used so: {error}")
+        problems.append(f"components.{component.name}: `{description.path}` cannot be used like this: {error}")
         return description
 
 
@@ -271,7 +271,7 @@ class Checker:
         lengths = [len(self.scenario.rows) or 1, *map(len, self.scenario.grid.values())]
         if prod(lengths) > MOST_POINTS:
             found = f"{' x '.join(map(str, lengths))} values make {prod(lengths):.9g} combinations"
-            yield f"sweep: {found}, at most {MOST_POINTS} are gone through. Shorten a list."
+            yield f"sweep: {found}, at most {MOST_POINTS} are allowed. Shorten a list."
         of_components = {port: values for port, values in self.scenario.swept.items() if not self.is_event(port)}
         for port, values in of_components.items():
             if port.component not in self.scenario.components:
@@ -400,7 +400,7 @@ class Checker:
 def check_signal(played: Played, variable: Variable) -> Iterator[str]:
     """Problems of a signal with the input that is to follow it."""
     if variable.type == "String":
-        yield "a text follows no signal. Give it a constant."
+        yield "a text cannot follow a signal. Give a constant."
         return
     if played.unit and variable.unit and played.unit != variable.unit:
         yield f"the column is in `{played.unit}`, the input in `{variable.unit}`. Convert the column."
@@ -415,7 +415,7 @@ def check_signal(played: Played, variable: Variable) -> Iterator[str]:
 def check_whole(played: Played, variable: Variable) -> Iterator[str]:
     """Problems of a signal for an input that takes whole numbers only."""
     if played.interpolation != "hold":
-        yield f'an input of type {variable.type} takes no values in between. Write `interpolation = "hold"`.'
+        yield f'an input of type {variable.type} cannot be interpolated. Write `interpolation = "hold"`.'
     items = [0, 1] if variable.type == "Boolean" else [*variable.items.values()]
     fits = np.isin(played.values, items) if items else played.values == np.rint(played.values)
     for value in played.values[~fits][:1]:
@@ -439,8 +439,8 @@ def check_types(connection: Connection, source: Variable, target: Variable) -> I
     is_number = target.type == "Real" and source.type in AS_NUMBERS
     if source.type != target.type and not is_number:
         yield (
-            f"{connection.place}: {ends}: types differ. Connect variables of one type; only a Real input takes others, "
-            "those of type Boolean and Integer."
+            f"{connection.place}: {ends}: types differ. Connect variables of one type; only a Real input accepts "
+            "others, Boolean and Integer."
         )
     elif source.items and target.items and source.items != target.items:
         found, expected = (", ".join(f"{n} = {k}" for n, k in v.items.items()) for v in (source, target))
@@ -531,7 +531,7 @@ def name_problem(name: str, variables: Mapping[str, Variable], takes_starts: boo
         return f"unknown parameter `{name}`. {suggest(name, [v.name for v in variables.values() if v.is_parameter])}"
     if not (variable.is_settable if takes_starts else variable.is_parameter):
         remedy = "Give its value in `[inputs]`." if variable.causality == "input" else "Remove it."
-        return f"`{name}` is not a parameter but of causality `{variable.causality}`. {remedy}"
+        return f"`{name}` is not a parameter but has the causality `{variable.causality}`. {remedy}"
     return None
 
 
@@ -744,7 +744,7 @@ def check_window(metric: Metric, scenario: Scenario) -> Iterator[str]:
     first = first_row(component, decimation)
     if first is None:
         yield (
-            f"{place}: `{component.name}` never steps at a row that is recorded: its step is {component.step}, its "
+            f"{place}: `{component.name}` never steps at a recorded row: its step is {component.step}, its "
             f"offset {component.offset}, and `record.decimation` {decimation} base steps. Change one of them."
         )
         return
@@ -802,9 +802,9 @@ def few(experiment: Experiment, decimation: int) -> Iterator[str]:
     """That a run has few steps, or its record few rows."""
     rows = experiment.count // decimation + 1
     if experiment.count < FEW:
-        yield f"experiment: the run has {experiment.count} base steps, which show little. {ASKED}"
+        yield f"experiment: the run has {experiment.count} base steps, too few to show much. {ASKED}"
     elif rows < FEW:
-        yield f"record: {rows} rows are recorded, which show little. Is `decimation` as it should be?"
+        yield f"record: {rows} rows are recorded, too few to show much. Is `decimation` as it should be?"
 
 
 def own_step(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
@@ -872,7 +872,7 @@ def pulses(place: str, played: Played, experiment: Experiment, step: float) -> I
     if far.any():
         yield (
             f"{place}: {int(far.sum())} samples, the first at {times[np.argmax(far)]:.9g} s, lie in pulses between two "
-            f"steps of {step:.9g} s, which nobody gets. {ASKED}"
+            f"steps of {step:.9g} s, so no component sees them. {ASKED}"
         )
 
 
@@ -886,7 +886,7 @@ def short(event: Event, scenario: Scenario) -> Iterator[str]:
     if event.enabled and length is not None and length < every * (1.0 - ROUNDING):
         yield (
             f"events.{event.name}: it lasts {length:.9g} s, and its target steps or is recorded every {every:.9g} s: "
-            "it may fall between. Let it last longer, or step and record more often."
+            "it may be missed. Let it last longer, or step and record more often."
         )
 
 
@@ -898,7 +898,7 @@ def check_events(
 ) -> Iterator[str]:
     """Problems of events with the FMUs and, where the time grid is known, with that."""
     if events and SECTION in scenario.components:
-        yield f"components.{SECTION}: in a scenario with events no component has this name. Rename it."
+        yield f"components.{SECTION}: in a scenario with events, no component may have this name. Rename it."
     for event in events.values():
         at = f"{place}.{event.name}"
         yield from (f"{at}.{problem}" for problem in target_problems(event, scenario, descriptions))
@@ -937,9 +937,9 @@ def refusal(event: Event, variable: Variable | None, description: Description) -
         return f"target: the output `{port}` drives no input. Connect it, or choose another target."
     if variable.causality != "input" and not variable.is_tunable:
         others = f"tunable ones are {listing(tunable)}" if tunable else "it has none that is tunable"
-        return f"target: `{port}` is fixed: FMI lets nobody change it during a run; {others}. Choose another target."
+        return f"target: `{port}` is fixed and cannot change during a run; {others}. Choose another target."
     if variable.type == "String":
-        return f"target: `{port}` is a text, which no event changes. Choose another target."
+        return f"target: `{port}` is a text, which events cannot change. Choose another target."
     if action.only_real and variable.type != "Real":
         return f"action: `{event.action}` needs a target of type Real, `{port}` is {variable.type}. Use `set`."
     if variable.is_tunable and not action.on_parameter:
@@ -1004,12 +1004,12 @@ def time_problems(event: Event, experiment: Experiment) -> Iterator[str]:
         is_near = time is not None and abs(index_of(time, experiment)) <= MOST_STEPS
         if time is not None and is_near and not is_on_grid(time, experiment):
             between = " and ".join(f"{t:.9g} s" for t in neighbours(time, experiment))
-            yield f"{key}: {time:.9g} s is no base step but between {between}. Choose one of them."
+            yield f"{key}: {time:.9g} s is not a base step; the nearest are {between}. Choose one of them."
     last = {**dict.fromkeys(begins, experiment.count), "until": MOST_STEPS}
     for key, time in {**begins, "until": event.until}.items():
         if time is not None and not 0 <= index_of(time, experiment) <= last[key]:
             span = f"{experiment.start:.9g} s to {experiment.stop:.9g} s"
-            yield f"{key}: {time:.9g} s is outside of the run from {span}. Correct the time."
+            yield f"{key}: {time:.9g} s is outside the run from {span}. Correct the time."
     lengths = {"over": event.over, "duration": event.duration, "when.for": lasting}
     for key, length in lengths.items():
         if length is not None and not is_whole(length / experiment.base_step):
@@ -1024,4 +1024,4 @@ def start_problem(event: Event, scenario: Scenario, descriptions: Descriptions) 
     at_start = event.at is not None and index_of(event.at, scenario.experiment) == 0
     if variable is not None and not variable.is_parameter and at_start and ACTIONS[event.action].remembers:
         remedy = "Begin later, or use `set`."
-        yield f"at: at the start there is no value before, with which `{event.action}` could begin. {remedy}"
+        yield f"at: at the start there is no earlier value for `{event.action}` to begin with. {remedy}"

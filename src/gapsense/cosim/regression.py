@@ -148,7 +148,7 @@ def variants(path: Path) -> tuple[str | None, ...]:
 
 def pending(path: Path, variant: str | None, folder: str | Path) -> Outcome:
     """A test that has not ended: a failure, in case it never does."""
-    check = Check("run", "not tested: `test` ended before that.")
+    check = Check("run", "not tested: `test` was stopped before.")
     return Outcome(
         scenario=titled(name_in(path, Path(folder)), variant), path=path, variant=variant, checks=(check,), seconds=0.0
     )
@@ -197,7 +197,7 @@ def remark_on(baseline: Baseline, comparison: Comparison | None) -> str:
     """Whether a run was compared with a baseline, in a few words."""
     if comparison is None:
         return "no baseline"
-    unstated = "" if baseline.declared else ", which no `[baseline]` states: nobody misses it when it is gone"
+    unstated = "" if baseline.declared else ", which no `[baseline]` names: its loss would go unnoticed"
     return f"compared with {baseline.file.name}{unstated}"
 
 
@@ -270,13 +270,13 @@ def refuse_foreign(scenario: Scenario) -> None:
     elif not problem and file.resolve() in {other.resolve() for other in scenario.files}:
         problem = f"`{inner}` is a file that the scenario reads"
     elif not problem and (os.path.lexists(file) and not is_baseline(file)):
-        problem = f"`{inner}` is there and is no baseline"
+        problem = f"`{inner}` exists and is not a baseline"
     elif not problem and not file.parent.is_dir():
         problem = f"there is no folder `{file.parent}`"
     elif not problem and (why := unwritable(file)):
         problem = f"`{inner}` cannot be written: {why}"
     if problem:
-        raise ScenarioError([f"{place}: {problem}, so no baseline is written there. Choose another name."])
+        raise ScenarioError([f"{place}: {problem}, so no baseline can be written there. Choose another name."])
 
 
 def is_baseline(file: Path) -> bool:
@@ -302,9 +302,9 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
     name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # named, so that it is no other variant's
     text = f'{text}\n\n{head}  # `gapsense test` fails without it\nfile = "{name}"\n'
     if parsed(text) is None:
-        return f"{path}: add a table `{head}`, so that `gapsense test` misses the baseline when it is gone."
+        return f"{path}: add a table `{head}`, so that `gapsense test` fails if the baseline is lost."
     write_atomically(path, lambda file: print(text, end="", file=file))
-    return f"{path}: `{head}` added, so that `gapsense test` misses the baseline when it is gone."
+    return f"{path}: `{head}` added, so that `gapsense test` fails if the baseline is lost."
 
 
 # JUnit XML, which every CI system reads: one suite per scenario, one case per check.

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import linecache
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gapsense.kernels.emit import C, Graph
+from gapsense.kernels.emit import Graph, Typed, number
 from gapsense.kernels.layout import names
-from gapsense.kernels.trace import UNARY, Expr, Place, Region, memory_of
+from gapsense.kernels.trace import Expr, Place, Region, memory_of
 
-LARGEST, LEAST = 3.4028234e38, 1.5e-45  # of float
 LONGEST_QUOTE = 100
 
 
-class Function(C):
+class Function(Typed):
     """The body of a function on records that pointers lead to, `name->entry`, in float or double."""
 
     def __init__(self, graph: Graph, real: str, sizes: Mapping[str, str], is_baked: bool) -> None:
-        super().__init__(graph)
-        self.real, self.sizes, self.is_baked = real, sizes, is_baked  # of every table what holds its length
+        super().__init__(graph, real)
+        self.sizes, self.is_baked = sizes, is_baked  # of every table what holds its length
         self.quoted = ""
         self.size_of: dict[int, str] = {}  # text of the length of a table
         self.sized: set[str] = set()  # lengths that were passed on
@@ -60,21 +58,12 @@ class Function(C):
             self.sized.add(self.sizes[entry])
             self.write(f"{name}->{self.sizes[entry]} = {self.size_of[value.id]};")
 
-    def form(self, op: str) -> str:
-        """What an operation looks like; those of the library end in `f` for float."""
-        ending = "f" if self.real == "float" else ""
-        return f"{{op}}{ending}({{b[0]}})" if op in UNARY else super().form(op)
-
     def expression(self, node: Expr) -> str:
         """Text of an operation; tables know where their lengths are."""
         if node.op != "locate":
             return super().expression(node)
         table, x = node.args
         return f"locate({self.ref(table)}, {self.size_of[table.id]}, {self.bare(x)})"
-
-    def _number(self, value: Any) -> str:
-        """Text of a constant in the type; what is too large or too small for it is infinite or zero."""
-        return str(int(value)) if isinstance(value, bool) else number(value, self.real)
 
     def _let(self, node: Expr, text: str) -> str:
         self._quote(node)
@@ -104,17 +93,6 @@ def quote(place: Place) -> str:
     line = linecache.getline(place.file, place.line).strip().replace("/*", "/ *").replace("*/", "* /")
     function = "" if place.function.startswith("<") else f".{place.function}"
     return f"{Path(place.file).stem}{function}: {line[:LONGEST_QUOTE]}".rstrip()
-
-
-def number(value: float, real: str) -> str:
-    """A constant of type `real`."""
-    if real == "float":
-        size = abs(value)
-        value = math.copysign(math.inf, value) if size > LARGEST else 0.0 if size < LEAST else value
-    if math.isfinite(value):
-        return f"{float(value)!r}{'f' if real == 'float' else ''}"
-    text = f"({real})NAN" if math.isnan(value) else "HUGE_VALF" if real == "float" else "HUGE_VAL"
-    return f"(-{text})" if value < 0.0 else text
 
 
 def constant_table(name: str, values: list[float], real: str) -> Iterator[str]:

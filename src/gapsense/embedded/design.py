@@ -72,7 +72,7 @@ def check_lean(folders: Sequence[Path]) -> None:
     """Refuse components of which none has a lean form."""
     if not any(lean_kernel(load_component(folder)) for folder in folders):
         names = ", ".join(f"`{folder.name}`" for folder in folders)
-        raise InputError([f"--lean: {names}: there is no such form, only of `semera`. Leave it out."])
+        raise InputError([f"--lean: {names}: only `semera` has such a form. Leave it out."])
 
 
 def check_outputs(folders: Sequence[Path], outputs: Sequence[str]) -> None:
@@ -85,6 +85,6 @@ def check_outputs(folders: Sequence[Path], outputs: Sequence[str]) -> None:
     problems = [f"--outputs: {here}: no output `{n}`. {suggest(n, every)}" for n in outputs if n not in every]
     for name, own in known.items():
         if not problems and not own.intersection(outputs):
-            problems.append(f"--outputs: `{name}` has none of these. {suggest('', own)}")
+            problems.append(f"--outputs: `{name}` does not have these. {suggest('', own)}")
     if problems:
         raise InputError(problems)

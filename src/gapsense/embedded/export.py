@@ -10,10 +10,10 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from gapsense.embedded.code import Function, constant_table, number
+from gapsense.embedded.code import Function, constant_table
 from gapsense.embedded.design import Design
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
-from gapsense.kernels.emit import LOCATE, WHOLE_NUMBER, WITHIN, Graph
+from gapsense.kernels.emit import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, Graph, number, same
 from gapsense.problems import InputError
 from gapsense.version import __version__
 
@@ -54,7 +54,7 @@ MAIN = """{head}
 
 #include "{name}.h"
 
-enum {{ ROWS = {rows}, STEPS = {steps} }}; /* each row is held for so many steps of {period} s */
+enum {{ ROWS = {rows}, STEPS = {steps} }}; /* each row is held for this many steps of {period} s */
 {record}
 int main(void)
 {{
@@ -76,9 +76,10 @@ DIGITS = {"float": 9, "double": 17}
 WIDTH = 110
 HELPERS = {
     "locate": ("The place in a rising table after which a value lies; both ends reach on.", LOCATE),
-    "whole": ("A whole number; -1 for what is none, or too large.", WHOLE_NUMBER),
-    "within": ("An index that an array has; 0 in place of others.", WITHIN),
+    "whole": ("A whole number; -1 if it is not one, or too large.", WHOLE_NUMBER),
+    "within": ("An index inside an array; 0 in place of others.", WITHIN),
 }
+SAME = "Elementary functions, with the same bits on every machine; errors below 1 unit in the last place."
 FUNCTIONS = {  # what they take and change, and what is said of them
     "prepare": (("par", "constants"), ("constants",), "Call it once, and after every change of a parameter."),
     "initial": (("inputs", "par", "state", "outputs"), ("state", "outputs"), "The start, and the outputs there."),
@@ -112,7 +113,7 @@ def keep_foreign(texts: Mapping[Path, str]) -> None:
     foreign = [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]
     if foreign:
         raise InputError(
-            [f"`{path}` is there, and is not as we export it. Move it, or choose another folder." for path in foreign]
+            [f"`{path}` exists and is not an exported file. Move it, or choose another folder." for path in foreign]
         )
 
 
@@ -158,7 +159,7 @@ def _when(design: Design) -> str:
 def _use(design: Design) -> Iterator[str]:
     found, name = members(design), design.name
     kept = " and ".join(f"`{name}_{record}`" for record in ("constants", "state") if record in found)
-    yield f"Include `{name}.h`, which has every name with its unit and range.{f' You keep {kept}.' * bool(kept)}\n"
+    yield f"Include `{name}.h`, which lists every name with its unit and range.{f' You keep {kept}.' * bool(kept)}\n"
     if "par" in found:
         yield f"- `{name}_defaults()` gives the parameters; change what you like."
         yield f"- `{name}_prepare` computes from them what a step needs: once, and again after each change."
@@ -168,7 +169,7 @@ def _use(design: Design) -> Iterator[str]:
 
 def _survivors(designs: Sequence[Design]) -> str:
     names = [f"`{design.name}`" for design in designs if design.component.survives]
-    return f"\nLost readings, not a number, are borne by {', '.join(names)}." if names else ""
+    return f"\nLost readings (NaN) are accepted by {', '.join(names)}." if names else ""
 
 
 # The example: a main that plays the component's reference record and prints what the component gives.
@@ -340,7 +341,7 @@ def source(design: Design) -> str:
         comment(f"{design.component.description}. {origin(design)}"),
         *(comment(" ".join(paragraph.split())) for paragraph in about.split("\n\n")),
         comment(f"Outputs: {published}. {reading}"),
-        f'#include "{design.name}.h"\n\n#include <math.h>',
+        f'#include "{design.name}.h"\n\n{INCLUDES}\n{AS_WRITTEN.strip()}',
         *_tables(design),
         *_helpers(design),
         *([_defaults(design)] if "par" in members(design) else []),
@@ -364,6 +365,8 @@ def _helpers(design: Design) -> Iterator[str]:
     for name, (about, text) in HELPERS.items():
         if any(f"{name}(" in line for line in lines):
             yield f"/* {about} */\n{text.replace('{real}', design.real).strip()}"
+    if own := same(design.real, lines):
+        yield f"{comment(SAME)}\n{own.strip()}"
 
 
 def _defaults(design: Design) -> str:

@@ -16,8 +16,9 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
+from gapsense.kernels.elementary import exp
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import cond, exp, fabs, square, where
+from gapsense.kernels.trace import cond, fabs, square, where
 
 SHORTER = 0.9  # part of l_h that is lost at saturation
 SHORTEST = 0.1  # part of it that is always left

@@ -38,8 +38,7 @@ SAID = """Files in {folder} to try this FMU with, listed in fmi-ls-manifest.xml 
 {parameters}: all parameters, as Gapsense ships them; start values of an FMU may be others.
 {stimuli} and {results}: a run with these parameters in steps of {step} s, described by {experiments}. The inputs of a
 row are set at its time, at the first one also in the initialization mode, and hold until the next row; the results of
-a row are those at its time. Expected are the same bits on the platform that made them, and elsewhere differences by
-rounding of exp, log and tanh: with the C library of Windows up to 3e-7 of the nominal values, mostly below 1e-10.
+a row are those at its time. Expected are the same bits, on every platform.
 """
 
 

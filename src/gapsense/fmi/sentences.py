@@ -44,7 +44,9 @@ SENTENCES = {
     "other_build": "the saved state is of build %s, this is %s. Save it with this FMU.",
     "damaged_state": "the saved state is damaged: its %s cannot be right. Save it again with this FMU.",
     "small_buffer": "the saved state has %u bytes, the buffer only %u. Ask for the size first.",
-    # Only in C: memory, files, handles and addresses can be missing there.
+    # Only in C: compilers change the arithmetic; memory, files, handles and addresses can be missing there.
+    "not_exact": "its sources were compiled with options that change its numbers."
+    " Compile them with -ffp-contract=off, and without -ffast-math or the like.",
     "no_memory": "there is not enough memory. Close other instances, or take a machine with more of it.",
     "no_resources": "its file `%s` cannot be read (the tool gave the location `%s`). Unpack the FMU again, all of it.",
     "no_state": "no saved state was given. Save one first.",
@@ -82,7 +84,7 @@ SENTENCES = {
     "and_more": "and %u more",
     # Arrays of FMI 3.0.
     "value_count": "%s: these variables have %u values, but there is room for %u. Read their dimensions first.",
-    "both_tables": "both the file and the arrays are others than at the start. Change only one of them.",
+    "both_tables": "both the file and the arrays differ from the start values. Change only one of them.",
     "wrong_arrays": "its arrays: %s. Correct them.",
     # A fault of the Python code itself: exception, its text, inputs, traceback.
     "exception": "%s: %s\ninputs: %s\n%s",

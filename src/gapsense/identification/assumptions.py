@@ -75,7 +75,7 @@ def ask(names: Sequence[str], ports: Mapping[str, Port], where: str, source: str
     example = next((n for n in names if n == "stop.upper"), names[0])
     raise InputError(
         [
-            f"{where}: {wanted}: missing or only assumed, and no record tells. Give each as a line like"
+            f"{where}: {wanted}: missing or only assumed, and records do not show it. Give each as a line like"
             f" `{_key(example)} = {ports[example].start!r}` below `[values]` in a file for `--parameters`"
             f"{more}{relative}."
         ]

@@ -95,8 +95,8 @@ def foreign(component: Component, values: Mapping[str, Value]) -> str | None:
     if "gap.law" in values and "core.permeability" in names - set(values):
         said = f"{component.name} models a pot magnet, not a valve with a gap law."
     elif "prior.inductance" in values and "mover.mass" in names and not {"gap.law", "mover.mass"} & set(values):
-        said = f"{component.name} models a mover, of which the parameters of a coil tell nothing."
-    return f"{said} Name it with `--estimator` to run it all the same." if said else None
+        said = f"{component.name} models a mover, which the parameters of a coil do not describe."
+    return f"{said} Name it with `--estimator` to run it anyway." if said else None
 
 
 def unfit(component: Component, record: Record, values: Mapping[str, Value]) -> str | None:
@@ -214,8 +214,8 @@ def doubts(record: Record, estimates: Sequence[Estimate]) -> list[str]:
     """Sentences on the estimators whose outputs cannot be right."""
     if not starts(record):
         return [
-            f"{record.name}: no current stands out of its noise, so that nothing tells whether an estimate is right."
-            " Record at least one operation, from rest on."
+            f"{record.name}: the current does not rise above its noise, so no estimate can be judged."
+            " Record at least one operation, from rest."
         ]
     told = truth(record)
     if told.resistance is not None and told.resistance <= 0.0:
@@ -301,7 +301,7 @@ def _percent(share: float) -> str:
 
 QUANTITIES = {"position": "m", "flux_linkage": "Wb", "resistance": "Ohm", "inductance": "H"}  # of estimators
 COLORS = (FIRST, SECOND, THIRD, "#8250df", "#9a6700", "#cf222e")
-ASSUMED = "Assumed in the parameter file, not known: {}. What depends on them is as uncertain as they are."
+ASSUMED = "Only assumed in the parameter file: {}. Results that depend on them are as uncertain as they are."
 THICKEST = 2.0  # points; thinner and thinner, so that estimates that coincide are all seen
 SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
 
@@ -316,7 +316,7 @@ def estimate_tables(estimates: Sequence[Estimate]) -> list[Table | str]:
         said.append(f"{e.name}: {given}")
         if e.unset:
             starts = list_values(e.unset, BY_NAME, e.unset)
-            said.append(f"{e.name}, not given and so the component's own start values: {starts}.")
+            said.append(f"{e.name}, not given, so the component's own start values are used: {starts}.")
     return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *said]
 
 

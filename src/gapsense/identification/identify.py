@@ -67,7 +67,7 @@ def check_believed(parameters: Path | None, others: Mapping[str, object]) -> Pat
     if parameters is None:
         raise ValueError("--commission: `--parameters` is missing. Give a set with what is believed of the device.")
     if given := [f"--{name}" for name, value in others.items() if value and value != AUTO]:
-        raise ValueError(f"--commission: {', '.join(given)} found; it has no such option. Leave it out.")
+        raise ValueError(f"--commission: {', '.join(given)} found; this command has no such option. Leave it out.")
     return parameters
 
 

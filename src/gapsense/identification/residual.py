@@ -121,7 +121,7 @@ def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, st
         return f"{found.record}: the model explains the current to {current}, which is noise."
     return (
         f"{found.record}: the model leaves {current} of the current, more than {allowed}, {found.rms / found.noise:.2g}"
-        f" times its noise: it does not explain this record. Values and standard errors are not to be relied on."
+        f" times its noise: it does not explain this record. Do not rely on values and standard errors."
         f" {100.0 * found.places[found.worst]:.0f} % of it lies in `{found.worst}`; {cause(found, causes)}."
     )
 

@@ -83,10 +83,10 @@ def impossible(records: Sequence[Record]) -> str:
         without = next(record.name for record in records if record.temperature is None)
         return f"{without} has no temperature. Give that of all records, or of none."
     if len(known) < 2:
-        return "one record tells no temperature coefficient of the resistance. Give two temperatures or more."
+        return "one record does not show the temperature coefficient of the resistance. Give two temperatures or more."
     if (span := max(known) - min(known)) < LEAST:
         return (
-            f"{span:.3g} K from the coldest to the hottest record are too little for a temperature coefficient of the"
+            f"{span:.3g} K from the coldest to the hottest record are too few for a temperature coefficient of the"
             f" resistance. At least {LEAST:g} K are expected, better 40."
         )
     return ""
@@ -142,7 +142,7 @@ def temperature_tables(records: Sequence[Record], resistance: float, found: Coef
     return [
         *told,
         "No metal of which coils are wound has such a temperature coefficient: 0.0039 1/K are usual. The temperatures"
-        " may not be those of the coil, which is warmer than what is around it after some operations, or a resistance"
+        " may not be those of the coil, which is warmer than its surroundings after some operations, or a resistance"
         " in series, which does not change, is taken for the coil's.",
     ]
 

@@ -11,7 +11,7 @@ import numpy as np
 from gapsense.kernels.emit import Graph, compiled
 from gapsense.kernels.emit.printer import operands
 from gapsense.kernels.layout import fields, flatten
-from gapsense.kernels.trace import BOOLEAN, Expr, Tape, TraceError, cos, is_traced, select, sin, where
+from gapsense.kernels.trace import BOOLEAN, Expr, Tape, TraceError, is_traced, select, where
 
 _FLAT = (*BOOLEAN, "locate", "floor", "in", "load")  # derivative zero almost everywhere
 
@@ -135,7 +135,5 @@ _RULES: dict[str, _Rule] = {
     "sqrt": lambda y, d: d(y.args[0]) / (2.0 * y),
     "log": lambda y, d: d(y.args[0]) / y.args[0],
     "exp": lambda y, d: d(y.args[0]) * y,
-    "sin": lambda y, d: d(y.args[0]) * cos(y.args[0]),
-    "cos": lambda y, d: -d(y.args[0]) * sin(y.args[0]),
     "tanh": lambda y, d: d(y.args[0]) * (1.0 - y * y),
 }

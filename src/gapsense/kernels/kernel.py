@@ -129,12 +129,12 @@ class Kernel:
         """
         initial, step = self.graphs
         functions = [Python(g).source() for g in (initial, *split(step, Python))]
-        return "\n\n".join([f"# {self._origin}\n{Python.head}", *functions, STEP])
+        return f"# {self._origin}\n{Python.module(*functions, STEP)}"
 
     def c(self) -> str:
         """C99 source of `<name>_initial` and `<name>_step`."""
         functions = [C(g._replace(name=f"{self.name}_{g.name}")).source() for g in self.graphs]
-        return "\n".join([f"/* {self._origin} */\n{C.head}", *functions])
+        return f"/* {self._origin} */\n{C.module(*functions)}"
 
     @property
     def _origin(self) -> str:

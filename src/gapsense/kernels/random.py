@@ -8,9 +8,10 @@ meaningless.
 
 from __future__ import annotations
 
+from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import vector
-from gapsense.kernels.trace import cond, fabs, floor, log, loop, square, where
+from gapsense.kernels.trace import cond, fabs, floor, loop, square, where
 
 M1 = 4294967087.0  # 2^32 - 209, prime
 M2 = 4294944443.0  # 2^32 - 22853, prime
@@ -46,9 +47,8 @@ def normal(state: Array) -> tuple[Array, Scalar]:
 
     Ratio of uniforms with quadratic bounds (Leva 1992, "A fast normal random number generator", ACM TOMS 18,
     doi:10.1145/138351.138364).  The number is a quotient of two exactly defined ones.  The only transcendental function
-    is a logarithm in the comparison that 1.2 % of the candidates need; its last bit decides nothing unless the two
-    sides agree to 1e-16, so that the bits do not depend on the platform's math library.  How many uniforms are used up
-    varies (2.74 on average).
+    is a logarithm in the comparison that 1.2 % of the candidates need.  How many uniforms are used up varies (2.74 on
+    average).
     """
     return loop(CANDIDATES, lambda state, _: _candidate(state), (state, 0.0))
 

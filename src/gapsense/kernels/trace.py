@@ -5,8 +5,9 @@ same lines record what they compute: matrix products unroll, structural zeros an
 shared.  `emit` prints the graph as scalar Python, numpy code over N runs, or C99.  The order of operations is kept:
 source, scalar Python and C give the same bits, but for the sign of a zero and for operands that are not finite.
 
-Rules for kernels: arithmetic, comparisons, `& | not_`, and the operations below; no `if` on data (`where`, `cond`,
-`loop`); no `**` (`square`); guard denominators on both sides of `where`; array memory through `load` and `store`.
+Rules for kernels: arithmetic, comparisons, `& | not_`, the operations below, and those of `elementary`; no `if` on data
+(`where`, `cond`, `loop`); no `**` (`square`); guard denominators on both sides of `where`; array memory through `load`
+and `store`.
 
 An `Expr` is a node: operation and operands.  A `Region` lists the nodes of a function, branch or loop body; they may
 use those of enclosing regions.  `cond` and `loop` nodes hold regions and what these return; `get` picks one value.
@@ -27,7 +28,7 @@ from gapsense.kernels.layout import NESTED, T, flatten, rebuild
 
 S = TypeVar("S", bound=Sequence[Any])
 BOOLEAN = ("<", "<=", ">", ">=", "==", "!=", "and", "or", "not")
-UNARY = ("sqrt", "log", "exp", "fabs", "floor", "sin", "cos", "tanh")
+UNARY = ("sqrt", "fabs", "floor", "exponent", "mantissa", "exp", "log", "tanh")
 ARITHMETIC = ("+", "-", "*", "/", "neg")
 _PASSED_OVER = (__file__, str(Path(np.__file__).parent))  # files that an error does not point at
 _HELPERS = (*_PASSED_OVER, str(Path(__file__).with_name("linalg.py")), str(Path(__file__).with_name("derivative.py")))
@@ -176,7 +177,7 @@ def is_traced(*values: Any) -> bool:
 
 
 def has_traced(value: Any) -> bool:
-    """Whether any scalar of a nested structure is traced; array memory, of many thousand numbers, is gone through in C."""
+    """Whether any scalar of a nested structure is traced; array memory, of many thousand numbers, is walked in C."""
     kinds = {*map(type, value)}
     is_nested = any(issubclass(kind, NESTED) for kind in kinds)
     return Expr in kinds or (is_nested and any(has_traced(item) for item in value if isinstance(item, NESTED)))
@@ -222,15 +223,25 @@ def _logic(op: str, a: Any, b: Any) -> Any:
     return other if bool(constant) is (op == "and") else bool(constant)
 
 
-def _unary(name: str) -> Callable[[Any], Any]:
+def operation(name: str, on_float: Callable[[float], Any]) -> Callable[[Any], Any]:
+    """An operation of `UNARY`: a node if its operand is traced."""
+
     def function(x: Any) -> Any:
-        return _make(name, x) if isinstance(x, Expr) else float(getattr(math, name)(x))
+        return _make(name, x) if isinstance(x, Expr) else float(on_float(x))
 
     function.__name__, function.__doc__ = name, f"`{name}` of a scalar, traced or not."
     return function
 
 
-sqrt, log, exp, fabs, floor, sin, cos, tanh = map(_unary, UNARY)
+sqrt, fabs, floor = (operation(name, getattr(math, name)) for name in ("sqrt", "fabs", "floor"))
+# Of a positive normal number 2^k m, 1 <= m < 2: k and m.
+exponent = operation("exponent", lambda x: math.frexp(x)[1] - 1)
+mantissa = operation("mantissa", lambda x: 2.0 * math.frexp(x)[0])
+
+
+def scaled(x: Any, n: Any) -> Any:
+    """`x * 2^n` for a whole `n` of which 2^n is a normal number."""
+    return _make("scaled", x, n) if is_traced(x, n) else math.ldexp(x, int(n))
 
 
 def square(x: Any) -> Any:

@@ -115,7 +115,7 @@ def refuse_foreign(folder: Path) -> None:
     if is_older(folder):
         raise InputError([f"{older(folder)} Name another folder with `--out`."])
     if folder.is_dir() and not (folder / FILE).is_file() and any(is_foreign(file) for file in folder.iterdir()):
-        raise InputError([f"{folder}: it holds something else than a campaign. Name another folder with `--out`."])
+        raise InputError([f"{folder}: it holds something other than a campaign. Name another folder with `--out`."])
 
 
 def is_foreign(file: Path) -> bool:
@@ -127,5 +127,5 @@ def refuse_other(folder: Path, old: Mapping[str, Any] | None, new: Mapping[str, 
     """Raise an InputError if the runs in a folder are of something else. More seeds are no other campaign."""
     told, decided_by = (old or new)["decided_by"], new["decided_by"]
     if changed := [name for name, value in decided_by.items() if told.get(name) != value]:
-        found = f"{folder / FILE}: it is of another campaign, {' and '.join(changed)} changed since"
+        found = f"{folder / FILE}: it belongs to another campaign, {' and '.join(changed)} changed since"
         raise InputError([f"{found}. Name another folder with `--out`, or remove this one."])

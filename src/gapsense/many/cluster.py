@@ -30,7 +30,7 @@ PATIENCE = 30.0  # seconds until there must be an answer, or a worker
 AHEAD = 2  # tasks per thread of the cluster, so that none waits for us
 LASTING = 0.3  # seconds of a task: shorter ones cost more than they are worth
 MOST = 200  # runs of a task
-LOST = "the Dask scheduler has gone. What was finished is kept: the same command goes on when it is back."
+LOST = "the Dask scheduler has gone. Finished runs are kept: run the same command when it is back."
 LOG = logging.getLogger(__name__)
 ENCRYPTED = ("tls", "wss")
 SETTINGS = (
@@ -125,7 +125,7 @@ class Feeder:
             except OSError:
                 raise LostError(LOST) from None
             if not threads and self.threads:
-                LOG.warning("the cluster has no workers any more; waiting for some.")
+                LOG.warning("the cluster has lost all its workers; waiting for new ones.")
             self.threads, self.asked_at = threads, now
 
     def fill(self, pending: Pending) -> None:
@@ -176,7 +176,7 @@ def scheme_of(address: str) -> str:
         scheme, place = parse_address(address)
         get_backend(scheme).get_address_host(place)  # type: ignore[no-untyped-call]
     except (ValueError, OSError) as error:
-        problem = f"`{address}` is no address of a Dask scheduler ({error}). Give one such as `tcp://HOST:8786`."
+        problem = f"`{address}` is not an address of a Dask scheduler ({error}). Give one such as `tcp://HOST:8786`."
         raise InputError([problem]) from None
     return str(scheme)
 
@@ -186,14 +186,14 @@ def secured(address: str) -> Security:
     security = Security()  # type: ignore[no-untyped-call]
     if scheme_of(address) not in ENCRYPTED:
         if security.require_encryption:
-            raise InputError([f"`{address}` is not encrypted, which Dask's settings demand. Name one of `tls://`."])
+            raise InputError([f"`{address}` is not encrypted, but Dask's settings demand it. Give one with `tls://`."])
         return security
     try:
         has_all = security.get_connection_args("client")["ssl_context"]  # type: ignore[no-untyped-call]
     except OSError as error:
         raise InputError([f"`{address}`: the settings for TLS cannot be used ({error}). Correct {SETTINGS}."]) from None
     if not has_all:
-        raise InputError([f"`{address}` needs settings for TLS that there are not. Give Dask {SETTINGS}."])
+        raise InputError([f"`{address}` needs settings for TLS, which are missing. Give Dask {SETTINGS}."])
     return security
 
 
@@ -223,7 +223,7 @@ def difference(own: tuple[str, str], other: Any) -> str:
         return f"Gapsense does not start there: {other}."
     if other[0] != own[0]:
         return f"it has Gapsense {other[0]}, {own[0]} is expected. Install that."
-    return "its sources of Gapsense or its version of numpy are other ones than here. Install the same."
+    return "its sources of Gapsense or its version of numpy differ from those here. Install the same."
 
 
 def packed(many: Many) -> Pack:

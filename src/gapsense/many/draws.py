@@ -90,7 +90,7 @@ def logarithmic(own: Mapping[str, Any]) -> dict[str, Any]:
 def rising(own: Mapping[str, Any]) -> str:
     """What is wrong with limits."""
     if own["low"] is not None and own["high"] is not None and own["low"] >= own["high"]:
-        return f"`low` is {own['low']:.9g} and `high` is {own['high']:.9g}. Let `low` be the smaller one."
+        return f"`low` is {own['low']:.9g} and `high` is {own['high']:.9g}. `low` must be the smaller one."
     return ""
 
 
@@ -123,14 +123,14 @@ LIMITS = ("low", "high")
 DISTRIBUTIONS: Mapping[str, Distribution] = {
     name: Distribution(*entry)
     for name, entry in {
-        "uniform": (LIMITS, (), uniform, rising, "Even density between `low` and `high`"),
-        "loguniform": (LIMITS, (), loguniform, rising_above_0, "The same of the logarithm"),
-        "normal": (("mean", "std"), LIMITS, normal, leaves, "Normal; with limits, only what lies inside"),
+        "uniform": (LIMITS, (), uniform, rising, "Uniform between `low` and `high`"),
+        "loguniform": (LIMITS, (), loguniform, rising_above_0, "Its logarithm is uniform"),
+        "normal": (("mean", "std"), LIMITS, normal, leaves, "Normal; with limits, truncated"),
         "lognormal": (
             *(("median", "sigma"), LIMITS, lognormal, leaves_above_0),
-            "Its logarithm is normal; limits as those of `normal`",
+            "Its logarithm is normal; limits as for `normal`",
         ),
-        "integer": (LIMITS, (), integer, whole, "Whole numbers from `low` to `high`, each as often"),
-        "choice": (("values",), (), choice, lambda own: "", "One of `values`, each as often"),
+        "integer": (LIMITS, (), integer, whole, "Whole numbers from `low` to `high`, all equally likely"),
+        "choice": (("values",), (), choice, lambda own: "", "One of `values`, all equally likely"),
     }.items()
 }

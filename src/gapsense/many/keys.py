@@ -9,10 +9,10 @@ from gapsense.tables import COUNT, INDEX, LIST, NUMBER, POSITIVE, TABLE, TABLES,
 NOISES = ("own", "common")
 SPACINGS = ("linear", "log")
 PARAMETER = Key("parameter", TEXT, "Parameter or constant input `component.variable`", '"valve.damping"', required=True)
-GRID = Section("[grid]", "Lists of values, every one with every other.", free=SWEEP.free)
+GRID = Section("[grid]", "Lists of values, combined each with every other.", free=SWEEP.free)
 RANGE = Section(
     "[[ranges]]",
-    "Values at even distances, every one with every other.",
+    "Evenly spaced values, combined each with every other.",
     (
         PARAMETER,
         Key("from", NUMBER, "First value, in the unit of the parameter", "0.1", required=True),
@@ -30,7 +30,7 @@ OF_MOST = (  # keys of distributions
 OF_FEW = (  # and those that the example has not
     ("median", POSITIVE, "Median, of `lognormal`", "0.4"),
     ("sigma", POSITIVE, "Standard deviation of the natural logarithm, of `lognormal`", "0.2"),
-    ("values", LIST, "What `choice` chooses from, each as often", "[1, 2]"),
+    ("values", LIST, "What `choice` chooses from, all equally likely", "[1, 2]"),
 )
 FACTOR = Section(
     "[[sample.factors]]",
@@ -70,7 +70,7 @@ TRAJECTORIES = Section(
     "Signals that are kept of every run.",
     (
         Key("signals", TEXTS, "Signals, or patterns as in `[record]`", '["valve.position"]', required=True),
-        Key("decimation", COUNT, "Every which recorded row", "10", default=1),
+        Key("decimation", COUNT, "Recorded rows from one row of the baseline to the next", "10", default=1),
     ),
 )
 STUDY = Section(
@@ -86,12 +86,12 @@ STUDY = Section(
             '"my_valve"',
             required=True,
         ),
-        Key("variant", TEXT, "Variant of the scenario", '"cold"', otherwise="the scenario as it is"),
+        Key("variant", TEXT, "Variant of the scenario", '"cold"', otherwise="the scenario itself"),
         Key("seeds", COUNT, "Runs of each point, with other seeds", "4", default=1),
         Key(
             "noise",
             TEXT,
-            "Every run has seeds of its own, or the runs of all points have the same `seeds` seeds",
+            "Every run has its own seeds, or the runs of all points share the same `seeds` seeds",
             '"common"',
             default=NOISES[0],
             choices=NOISES,
@@ -105,7 +105,7 @@ STUDY = Section(
             is_path=always,
         ),
         Key("grid", TABLE, "Lists", section=GRID),
-        Key("ranges", TABLES, "Values at even distances", section=RANGE),
+        Key("ranges", TABLES, "Evenly spaced values", section=RANGE),
         Key("sample", TABLE, "Values that are drawn", section=SAMPLE),
         Key("trajectories", TABLE, "Signals that are kept", section=TRAJECTORIES),
     ),

@@ -162,7 +162,7 @@ def own_problems(study: Study, scenario: Scenario) -> list[str]:
             )
     if not scenario.metrics and not study.signals:
         problems.append(
-            f"{name}: nothing would be kept of the runs. Add `[metrics]` to the scenario or `[trajectories]`."
+            f"{name}: nothing of the runs would be kept. Add `[metrics]` to the scenario or `[trajectories]`."
         )
     return problems
 

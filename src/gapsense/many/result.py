@@ -129,7 +129,7 @@ class Campaign:
 
     def errors(self, most: int) -> list[tuple[int, str]]:
         """The first runs that failed, and why."""
-        return list(self.texts(ERROR).items())[:most]
+        return list(self.store.texts(ERRORS, most=most).items())
 
     def ended(self, most: int) -> list[tuple[int, str]]:
         """The first runs that a component has ended in an orderly way, and which."""
@@ -254,5 +254,5 @@ def read_campaign(folder: str | Path, hold: bool = False) -> Campaign:
         store.connection.execute("BEGIN")
     about = store.about
     if about is None or about.get("format") != FORMAT:
-        raise InputError([f"{folder / FILE}: no campaign of this version, or it is damaged. Choose another folder."])
+        raise InputError([f"{folder / FILE}: not a campaign of this version, or damaged. Choose another folder."])
     return Campaign(folder, store, about, from_facts(about["columns"]), store.count())

@@ -33,7 +33,7 @@ from gapsense.problems import InputError
 LOG = logging.getLogger(__name__)
 SUFFIX, LOCK = ".sqlite", ".lock"
 DAMAGED = "_damaged-"  # before the name of a file that is put aside
-AGAIN = "Run it again: what is damaged is computed anew, and the rest is kept"
+AGAIN = "Run it again: what is damaged is computed again, and the rest is kept"
 PAUSE = 0.1  # seconds between two looks whether a file is free
 PATIENCE = 60.0  # seconds that a reader waits for a writer where there is no write-ahead log
 GROUP = 31**2  # rows that are in memory at once, the square of an odd number for `are_whole`
@@ -45,7 +45,7 @@ MOUNTS = Path("/proc/self/mounts")
 OF_DAMAGE = ("malformed", "unsupported", "no such table", "no such column", "not a database", "Could not decode")
 UNREADABLE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter for names, and for messages with these
 ABOUT, COPY, RUNS, ERRORS, WORDS, SIGNALS = TABLES = ("about", "about_copy", "runs", "errors", "words", "signals")
-MADE = [f"CREATE TABLE {name} (id INTEGER PRIMARY KEY, content BLOB)" for name in TABLES]
+CREATED = [f"CREATE TABLE {name} (id INTEGER PRIMARY KEY, content BLOB)" for name in TABLES]
 MORE = (ERRORS, WORDS, SIGNALS)  # what a run may have besides
 HEAD = Struct("<qB")  # of a content: its place, and one bit for each table in which the run has more
 RESIDUE = 0x2144DF1C  # the CRC-32 of all that ends with its own
@@ -84,7 +84,7 @@ class Store:
         query = " UNION ALL ".join(f"SELECT id, content, whole(id, content) FROM {name}" for name in (ABOUT, COPY))
         rows = [row for rows in self.selected(query) for row in rows]
         if not all(is_good for *_, is_good in rows):
-            LOG.warning("%s: what it says about its runs is damaged; a copy is taken. %s.", self.file, AGAIN)
+            LOG.warning("%s: its description of the runs is damaged; the copy is used. %s.", self.file, AGAIN)
         return {place: json.loads(payload(content)) for place, content, is_good in rows if is_good}
 
     @property
@@ -157,9 +157,9 @@ class Store:
             with self.changing():
                 remove(self.connection, places)
 
-    def contents(self, table: str = RUNS) -> Iterator[list[bytes]]:
-        """Contents of a table in the order of the runs, some at a time, with heads and checksums."""
-        for rows in self.of_key("content", table, "ORDER BY id"):
+    def contents(self, table: str = RUNS, below: int = 2**BITS, most: int = -1) -> Iterator[list[bytes]]:
+        """Contents of a table in the order of the runs, some at a time, with heads and checksums; -1: all of them."""
+        for rows in self.of_key("content", table, f"ORDER BY id LIMIT {most}", below):
             found = [*chain.from_iterable(rows)]
             if not are_whole(found):
                 groups = self.of_key("id", table, "AND NOT whole(id, content) ORDER BY id")
@@ -173,11 +173,10 @@ class Store:
             raise InputError([f"{self.file}: {table} of run {run} are damaged. {AGAIN}."])
         return payload(found[0][1]) if found else None
 
-    def texts(self, table: str, below: int = 2**BITS) -> dict[int, Any]:
-        """What runs have in a table of JSON, by run."""
-        found = chain.from_iterable(self.contents(table))
-        texts = {HEAD.unpack_from(content)[0] - self.place(0): json.loads(payload(content)) for content in found}
-        return {run: text for run, text in texts.items() if run < below}
+    def texts(self, table: str, below: int = 2**BITS, most: int = -1) -> dict[int, Any]:
+        """What the first runs have in a table of JSON, by run."""
+        found = chain.from_iterable(self.contents(table, below, most))
+        return {HEAD.unpack_from(content)[0] - self.place(0): json.loads(payload(content)) for content in found}
 
     def of_key(self, what: str, table: str, more: str = "", below: int = 2**BITS) -> Iterator[list[Any]]:
         """Rows of the runs under this key, some at a time."""
@@ -270,7 +269,7 @@ def writing(file: Path | None) -> sqlite3.Connection:
     try:
         connection = prepared(connect(file))
         if commits > max(0, connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]):
-            LOG.warning("%s: the log of its last runs is damaged. What is lost of them is computed again.", file)
+            LOG.warning("%s: the log of its last runs is damaged. Lost runs are computed again.", file)
         problem = wrong(connection)
         if not problem:
             forget_damaged(connection, file)
@@ -288,7 +287,7 @@ def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.execute("PRAGMA synchronous = FULL")
     if not connection.execute("SELECT 1 FROM sqlite_master").fetchone():
         connection.execute("BEGIN IMMEDIATE")
-        for sql in MADE:
+        for sql in CREATED:
             connection.execute(sql)
         connection.execute("COMMIT")
     return connection
@@ -316,7 +315,7 @@ def wrong(connection: sqlite3.Connection) -> str:
     """What is wrong with the structure of a file, or nothing."""
     (found,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     tables = [sql for (sql,) in connection.execute("SELECT sql FROM sqlite_master")]
-    return " ".join(str(found).split()) if found != "ok" else "" if tables == MADE else "its tables are not ours"
+    return " ".join(str(found).split()) if found != "ok" else "" if tables == CREATED else "its tables are not ours"
 
 
 def logged(file: Path) -> int:
@@ -338,7 +337,7 @@ def forget_damaged(connection: sqlite3.Connection, file: Path) -> None:
         remove(connection, damaged)
     for name, other in ((ABOUT, COPY), (COPY, ABOUT)):
         if connection.execute(f"SELECT 1 FROM {name} WHERE NOT whole(id, content)").fetchone():
-            LOG.warning("%s: what it says about its runs is damaged; its copy is taken.", file)
+            LOG.warning("%s: its description of the runs is damaged; the copy is used.", file)
             connection.execute(f"DELETE FROM {name} WHERE NOT whole(id, content)")
         connection.execute(f"INSERT OR IGNORE INTO {name} SELECT * FROM {other} WHERE whole(id, content)")
 
@@ -458,7 +457,7 @@ def alone(file: Path | None) -> Iterator[None]:
                         beside.unlink()
         if not is_mine:
             if not is_told:
-                LOG.warning("%s: another process is at work on it; waiting for its end.", file)
+                LOG.warning("%s: another process is using it; waiting for its end.", file)
             is_told = True
             sleep(PAUSE)
 

@@ -147,7 +147,7 @@ class Reader:
             below = 1 << (count.bit_length() - 1)
             table.note("count", f"{count} found, a power of 2 expected for Sobol: {below} or {2 * below}. Choose one.")
         elif count and count > MOST_RUNS:
-            table.note("count", f"{count} found, at most {MOST_RUNS} are gone through. Correct it.")
+            table.note("count", f"{count} found, at most {MOST_RUNS} are allowed. Correct it.")
         elif count and factors and len(factors) == len(tables):
             drawn = points(own["method"], count, len(factors), own["seed"])
             yield from self.drawn(factors, drawn)
@@ -194,7 +194,7 @@ def is_range(table: Table, own: Mapping[str, Any]) -> bool:
     elif own["spacing"] == "log" and not first * last > 0:
         table.note("", f"even ratios from {first:.9g} to {last:.9g} do not exist. Let both be positive.")
     elif count > MOST_RUNS:
-        table.note("count", f"{count} found, at most {MOST_RUNS} are gone through. Correct it.")
+        table.note("count", f"{count} found, at most {MOST_RUNS} are allowed. Correct it.")
     else:
         return True
     return False

@@ -62,7 +62,7 @@ class Group(NamedTuple):
 def spread(campaign: Campaign, name: str) -> Spread:
     """Quantiles of a column of numbers."""
     values = campaign.column(name).astype(np.float64)
-    return Spread(name, *quantiles(values, LEVELS), missing=int(values.size - np.isfinite(values).sum()))
+    return Spread._make((name, *quantiles(values, LEVELS), int(values.size - np.isfinite(values).sum())))
 
 
 def numeric(campaign: Campaign) -> list[str]:

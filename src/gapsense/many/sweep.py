@@ -1,7 +1,7 @@
 """Run a scenario over the grid of its `[sweep]` and over seeds; what has been computed once is not computed again.
 
 Of n combinations, run i takes combination i mod n and adds i to every seed: no two runs have the same noise, and more
-seeds leave the runs that are there as they are.
+seeds leave the existing runs unchanged.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def sweep(
     variant : str, optional
         Variant of the scenario.
     workers : int
-        Processes; the numbers do not depend on it.
+        Number of processes; results do not depend on it.
     out : str or Path, optional
         Folder for `<scenario>_sweep.sqlite`, which has each run as soon as it is done, and a CSV at the end. If
         runs of the same scenario, FMUs and seed are in it already, they are taken from there.
@@ -204,7 +204,7 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
         if component and component.origin.get(port.variable) == OVER:
             problems.append(f"{OVER}, {port}: `[sweep]` gives it too. Keep one.")
     if homeless:
-        problems.append("signals are to be kept, but nowhere. Name a folder.")
+        problems.append("signals are to be kept, but no folder is given. Name one.")
     if problems:
         raise ScenarioError(problems)
 
@@ -237,11 +237,10 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
     """The sweep as it is in its store, in the order of the runs."""
     columns, plan = many.columns, many.plan
     errors, words = store.texts(ERRORS, len(plan)), store.texts(WORDS, len(plan))
-    data = np.concatenate(
-        [np.empty(0, columns.record), *(np.frombuffer(b"".join(found), columns.record) for found in store.contents())]
-    )
+    records = (np.frombuffer(b"".join(found), columns.record) for found in store.contents(below=len(plan)))
+    data = np.concatenate([np.empty(0, columns.record), *records])
     runs = columns.array("run", data)
-    is_wanted = (runs < len(plan)) & ~np.isin(runs, [*errors])
+    is_wanted = ~np.isin(runs, [*errors])
     indices = tuple(runs[is_wanted].tolist())
     further = dict.fromkeys(name for own in words.values() for name in own.get("metrics", ()))
     found = {name: columns.array(name, data[is_wanted]) for name in columns.metrics}
@@ -310,7 +309,7 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     if not is_sealed(data):
         raise InputError([f"{path}: `{path.stem}.json` beside it is damaged, or was edited. {AGAIN}."])
     if sha256(path) != data.get("sha256"):
-        raise InputError([f"{path}: it is not the table that `{path.stem}.json` was written with. {AGAIN}."])
+        raise InputError([f"{path}: it is not the table that belongs to `{path.stem}.json`. {AGAIN}."])
     return data
 
 

@@ -102,7 +102,7 @@ def refuse_foreign(file: Path, own: str) -> None:
     content = read_bytes(file) if os.path.lexists(file) else b""
     found = re.search(b"(....)tEXt" + SOURCE.encode() + b"\0", content, re.DOTALL)
     if content and not found:
-        raise InputError([f"{file}: there is a file that is no figure of a run. Remove it, or {ELSEWHERE}."])
+        raise InputError([f"{file}: this file exists and is not a figure of a run. Remove it, or {ELSEWHERE}."])
     if found:
         end = found.end() + int.from_bytes(found[1], "big") - len(SOURCE) - 1
         refuse_other(file, unquote(content[found.end() : end].decode("ascii")), own)
@@ -182,8 +182,8 @@ def legend(axis: Any) -> None:
 
 
 def legend_below(figure: Figure) -> None:
-    """One legend for all panels, below them: that of the first one."""
-    handles, labels = figure.axes[0].get_legend_handles_labels()
+    """One legend for all panels, below them: that of the first one that has labels."""
+    handles, labels = next(filter(any, (axis.get_legend_handles_labels() for axis in figure.axes)))
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gapsense.fmi.ports import Component
     from gapsense.tables import Value
 
-WITHOUT_C = "The loop in C does not load here; that in Python takes some 2 us more per component and step."
+WITHOUT_C = "The loop in C cannot be loaded here; the one in Python takes about 2 us more per component and step."
 MOST_GROUPS = 12  # combinations of swept values that a table shows
 UNREAD = "cannot be read: see `gapsense check`"
 
@@ -156,7 +156,7 @@ def growths(found: Sequence[Growth]) -> Table:
 
     rows = ((g.signal, f"{g.amplification:.3g}", f"{g.change:.3g}", f"{g.allowed:.3g}", g.unit) for g in found)
     heads = ("signal", "amplification", "change", "allowed", "unit")
-    return table(f"Change of the signals for one of {PERTURBATION:g} in all numbers", heads, rows)
+    return table(f"Change of the signals when all numbers change by {PERTURBATION:g}", heads, rows)
 
 
 def indented(text: str) -> str:

@@ -46,23 +46,23 @@ def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
     """One sentence on everything that other tools do not see, or that is left out."""
     experiment = scenario.experiment
     if experiment.method != "jacobi":
-        yield f"experiment.method: SSP says nothing on the coupling; `{experiment.method}` is in our annotation only."
+        yield f"experiment.method: only Gapsense's annotation has `{experiment.method}`; SSP has no coupling."
     slower, later = (
         [name for name, component in scenario.components.items() if getattr(component, key) != usual]
         for key, usual in (("step", 1), ("offset", 0))
     )
     delayed = [str(link.target) for link in scenario.connections if link.delayed]
     if slower:
-        yield f"step of {listing(slower)}: it is in our annotation and in that of OSP; elsewhere they step with all."
+        yield f"step of {listing(slower)}: only annotations of Gapsense and OSP have it; other tools ignore it."
     if later:
-        yield f"offset of {listing(later)}: it is in our annotation only; elsewhere they start at once."
+        yield f"offset of {listing(later)}: it is only in Gapsense's annotation; in other tools they start at once."
     if scenario.played:
         found = listing([str(port) for port in scenario.played])
-        yield f"signals of {found}: they are in our annotation only; elsewhere their first value holds."
+        yield f"signals of {found}: they are only in Gapsense's annotation; in other tools their first value holds."
     if delayed:
-        yield f"delay of {listing(delayed)}: it is in our annotation only."
+        yield f"delay of {listing(delayed)}: it is only in Gapsense's annotation."
     if scenario.events:
-        yield f"events {listing([*scenario.events])}: they are in our annotation only; elsewhere they do not happen."
+        yield f"events {listing([*scenario.events])}: only Gapsense's annotation has them, so other tools ignore them."
     for key, what in LEFT_OUT.items():
         if data.get(key):
             yield f"{key}: {what} is left out." if key != "variants" else f"{key}: {what} are left out."

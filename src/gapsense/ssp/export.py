@@ -9,14 +9,13 @@ from functools import cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, SubElement, register_namespace
+from xml.etree.ElementTree import Element, SubElement, indent, register_namespace, tostring
 
 from gapsense._os.files import write_atomically
 from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.scenario.read import Document, Source, read_document
 from gapsense.cosim.scenario.records import Connection, Port, Scenario
-from gapsense.fmi.describe import text
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, ScenarioError, listing
 from gapsense.ssp import carried
@@ -156,7 +155,7 @@ def notes(made: Exported) -> Iterator[str]:
         yield f"units of {listing(undefined)}: their FMUs do not define them, and they are left out."
     converted = [str(link.target) for link in made.scenario.connections if link.converts]
     if converted:
-        yield f"conversion to {listing(converted)}: it is there, but some tools, fmpy among them, leave it out."
+        yield f"conversion to {listing(converted)}: it is in the package, but some tools, fmpy among them, ignore it."
     values = [*changed_values(made)]
     texts = [name for name, v, _ in values if v.type in UNUSUAL]
     if texts:
@@ -167,9 +166,9 @@ def notes(made: Exported) -> Iterator[str]:
     names = list(made.scenario.components)
     confused = [b for a in names for b in names if a != b and b.startswith(a)]
     if confused:
-        yield f"values of {listing(confused)}: fmpy looks for them in a component whose name theirs begins with, too."
+        yield f"values of {listing(confused)}: fmpy confuses components of which one name begins with the other."
     for path in made.files:
-        yield f"`{path.name}` is in the package; only import into Gapsense finds it there."
+        yield f"`{path.name}` is in the package, where only Gapsense finds it on import."
 
 
 def description(made: Exported) -> bytes:
@@ -257,7 +256,9 @@ def written(root: Element) -> bytes:
     """A document as text, with the usual prefixes: some tools know nothing but these."""
     for prefix, uri in PREFIXES.items():
         register_namespace(prefix, uri)
-    return text(root)
+    indent(root)
+    text = tostring(root, "unicode")
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
 
 def add_connector(parent: Element, variable: Variable, units: Units, enumeration: str) -> None:

@@ -49,7 +49,7 @@ class Package:
         """Name of the member that a URI relative to the description means; UnusableError if it means none."""
         parts = urlsplit(source)
         if parts.scheme or parts.netloc or source.startswith("/"):
-            raise UnusableError(f"`{shown(source)}` is outside of the package. Put it in.")
+            raise UnusableError(f"`{shown(source)}` is outside the package. Put it in.")
         name = posixpath.normpath(unquote(parts.path))
         if name not in self.names:
             raise UnusableError(f"there is no `{shown(source)}` in the package. Put it in, or correct the source.")
@@ -64,7 +64,7 @@ def opened(path: Path) -> Iterator[Package]:
             names = refuse_dangerous(archive.infolist(), path.stat().st_size)
             refuse_damaged(archive)
             if DESCRIPTION not in names:
-                raise UnusableError(f"the archive has no {DESCRIPTION}, so it is no SSP. Export it again.")
+                raise UnusableError(f"the archive has no {DESCRIPTION}, so it is not an SSP. Export it again.")
             yield Package(path, archive, names)
     except UnusableError as error:
         raise InputError([f"{path}: {error}"]) from error

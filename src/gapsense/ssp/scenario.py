@@ -125,7 +125,7 @@ class Maker:
         if way and way.source[0] in self.descriptions:
             name = ".".join((self.names[node[0]], variable.name))
             self.problems.append(
-                f"{name}: it is connected to `{shown(way.source[1])}`, only inputs may be. Set a value."
+                f"{name}: it is connected to `{shown(way.source[1])}`, only inputs may be connected. Set a value."
             )
             return None
         value = self.through(way, variable) if way else self.valued(node, variable.unit or "")
@@ -235,9 +235,9 @@ class Told:
         made |= {key: value for key, value in options.items() if value is not None}
         for key, option in (("stop", "--stop"), ("base_step", "--step")):
             if key not in made:
-                self.problems.append(f"experiment: the package does not tell `{key}`. Give it with `{option}`.")
+                self.problems.append(f"experiment: the package does not give `{key}`. Give it with `{option}`.")
         if "method" not in self.table("experiment") and options.get("method") is None:
-            self.notes.append(f"experiment.method: SSP says nothing on the coupling; `{JACOBI}` is taken.")
+            self.notes.append(f"experiment.method: SSP does not describe the coupling; `{JACOBI}` is used.")
         return made
 
     def step(self) -> float | None:
@@ -260,7 +260,9 @@ class Told:
             return made
         ratio = hint / base_step
         if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
-            self.notes.append(f"{name}: its step of {hint:.9g} s is no multiple of {base_step:.9g} s, and left out.")
+            self.notes.append(
+                f"{name}: its step of {hint:.9g} s is not a multiple of {base_step:.9g} s, and is left out."
+            )
         elif round(ratio) > 1:
             made["step"] = round(ratio)
         return made

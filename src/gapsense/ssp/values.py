@@ -88,7 +88,7 @@ class Reader:
         holder = xml.find(tag(around)) if around else xml
         found = None if holder is None else holder.find(tag(name))
         if found is None:
-            raise UnusableError(f"it has neither a source nor `{name}`. Give one of both.")
+            raise UnusableError(f"it has neither a source nor `{name}`. Give one of them.")
         return found
 
     def values(self, root: Xml, place: str) -> Iterator[tuple[str, Given]]:
@@ -124,7 +124,7 @@ class Reader:
                 suppress = xml.get("suppressUnitConversion") in ("true", "1")
                 out[target] = values[source]._replace(line=line, suppress=suppress)
         left = sorted(set(values) - {xml.get("source", "") for xml in entries})
-        self.notes += [f"{values[name].place} is in no entry of its mapping, and left out." for name in left]
+        self.notes += [f"{values[name].place} is in no entry of its mapping, and is left out." for name in left]
         return out
 
     def give(self, element: Element, name: str, given: Given, source: str) -> None:

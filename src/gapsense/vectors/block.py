@@ -19,8 +19,8 @@ from gapsense.kernels.layout import names
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 from gapsense.vectors import library
+from gapsense.vectors.library import aligned, columns, table
 from gapsense.vectors.model import Member, Model, of_parameters
-from gapsense.vectors.places import aligned, columns, table
 
 Values = Mapping[str, Value]
 

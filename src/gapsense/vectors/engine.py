@@ -28,12 +28,12 @@ def obstacle(subject: Subject) -> str:
     if experiment.pace:
         return "It has a pace."
     if experiment.isolation != "none" or any(c.isolation != "none" for c in components.values()):
-        return "It asks for processes of their own (`isolation`)."
+        return "The scenario asks for separate processes (`isolation`)."
     if own_compiler() is None:
-        return "There is no C compiler: neither what `CC` names, nor `cc`, `gcc` or `clang`."
+        return "There is no C compiler, neither the one that `CC` names nor `cc`, `gcc` or `clang`."
     foreign = [f"`{name}` ({d.path.name})" for name, d in subject.descriptions.items() if not is_ours(d)]
     if foreign:
-        return f"These FMUs are not what this version builds: {', '.join(foreign)}. Build them with `gapsense build`."
+        return f"These FMUs are not from this version: {', '.join(foreign)}. Build them with `gapsense build`."
     from gapsense.kernels.lanes.library import INSTEAD
     from gapsense.vectors import library
 

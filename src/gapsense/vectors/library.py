@@ -1,19 +1,29 @@
-"""What loop.c works on, as it has it, and the C libraries: one for the loop, one for each kernel."""
+"""What loop.c works on, as it has it, where the numbers of components are in it, and the C libraries.
+
+There is one for the loop, and one for each kernel.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import re
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
+
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
+from gapsense.kernels.emit.lanes import held, is_array
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, OverRuns, over_runs
 from gapsense.kernels.lanes.library import HERE, loaded
 from gapsense.kernels.lanes.plan import Column
+from gapsense.kernels.layout import fields, names
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 Int, Size, Long, Pointer = ctypes.c_int, ctypes.c_ssize_t, ctypes.c_int64, ctypes.c_void_p
@@ -103,3 +113,145 @@ def ints(values: Any) -> Any:
     """Whole numbers, for C."""
     found = [*values]
     return (Int * len(found))(*found)
+
+
+# Where the numbers of a component are in a block: inputs, state, parameters, and what its steps need of these.
+
+
+class Room:
+    """Places that are taken one after the other, and columns, which are arrays."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.memories: list[int] = []  # numbers in each column that is array memory; 0 for a table
+
+    def take(self, count: int) -> int:
+        """First of so many places that nobody had."""
+        self.size += count
+        return self.size - count
+
+    def column(self, size: int) -> int:
+        """A new column; array memory has a size."""
+        self.memories.append(size)
+        return len(self.memories) - 1
+
+
+class Places(NamedTuple):
+    """Where the numbers of a component are, and the calls of its functions: `initial`, `constants`, `advance`."""
+
+    functions: Functions
+    buffered: int  # first input in the buffer
+    own: int  # first input that it has taken
+    output: int  # first output
+    time: int  # behind it is the step
+    par: list[int]  # of each entry of its parameters
+    tables: dict[int, int]  # column of each entry of its parameters that is a table
+    calls: list[Any]
+
+
+def places(found: Functions, room: Room, buffered: int, own: int, output: int) -> Places:
+    """Places of a component whose inputs and outputs have theirs."""
+    module, inputs = found.kernel.module, len(found.component.of("input"))
+    time = room.take(2)
+    clock = [name for name in ("time", "dt") if name in fields(module.Inputs)]
+    given = [*(time + ("time", "dt").index(name) for name in clock), *range(own, own + inputs)]
+    kinds, entries = fields(module.Parameters), names(module.Parameters)
+    is_table = [name in kinds and kinds[name].kind == "table" for name in entries]
+    par = [room.column(0) if is_one else room.take(1) for is_one in is_table]
+    state = [of_state(entry, room) for entry in results(found.codes.initial)[: len(names(module.State))]]
+    made = [*state, *range(output, output + len(found.component.of("output")))]
+    constants = [*of_constants(found.codes.constants, par, room)]
+    calls = [
+        called(found, 0, [*given, *par], made),
+        called(found, 1, par, constants),
+        called(found, 2, [*state, *given, *constants], made),
+    ]
+    tables = {k: place for k, place in enumerate(par) if is_table[k]}
+    return Places(
+        functions=found,
+        buffered=buffered,
+        own=own,
+        output=output,
+        time=time,
+        par=par,
+        tables=tables,
+        calls=calls,
+    )
+
+
+def of_state(entry: Any, room: Room) -> int:
+    """Place of an entry of a state."""
+    return room.column(len(entry)) if isinstance(entry, list) else room.take(1)
+
+
+def of_constants(code: Code, par: Sequence[int], room: Room) -> Iterator[int]:
+    """Places of what a step needs of the parameters; a table stays where it is."""
+    taken = {symbol.id: place for symbol, place in zip(code.symbols, par)}
+    for entry in results(code):
+        array = held(entry)
+        yield taken[array.id] if array is not None else room.take(1)
+
+
+def structure(p: Places, period: float, **more: Any) -> Any:
+    """Structure of a component in C, with `more` of its fields; `period` is that of its samples or steps [s]."""
+    initial, constants, advance = p.calls
+    component = p.functions.component
+    return filled(
+        Part,
+        constants=constants,
+        initial=initial,
+        advance=advance,
+        ranges=ranges(p),
+        survives=component.survives,
+        buffered=p.buffered,
+        own=p.own,
+        input_count=len(component.of("input")),
+        output=p.output,
+        output_count=len(component.of("output")),
+        time=p.time,
+        dt=p.time + 1,
+        period=period,
+        **more,
+    )
+
+
+def ranges(p: Places) -> list[Any]:
+    """Inputs that have a range, where the component does not take others."""
+    ports = () if p.functions.component.survives else p.functions.component.of("input")
+    found = [(k, port) for k, port in enumerate(ports, p.own) if (port.min, port.max) != (None, None)]
+    ends = [(k, -inf if port.min is None else port.min, inf if port.max is None else port.max) for k, port in found]
+    return [Range(*end) for end in ends]
+
+
+def columns(arrays: Sequence[npt.NDArray[np.float64]]) -> Any:
+    """Arrays (numbers, runs), for C."""
+    return (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
+
+
+def table(entry: Sequence[float], width: int) -> npt.NDArray[np.float64]:
+    """A table that all runs of a vector have: (numbers, runs)."""
+    return np.repeat(np.array(entry, dtype=np.float64)[:, None], width, axis=1)
+
+
+def entries_of(found: Functions, values: Mapping[str, Any]) -> list[Any]:
+    """Flat entries of the record of parameters; a table is a list."""
+    return [values[name] for name in names(found.kernel.module.Parameters)]
+
+
+def aligned(rows: int, width: int) -> npt.NDArray[np.float64]:
+    """Zeros (rows, width) that begin where a vector may."""
+    raw = np.zeros((rows + 1) * width)
+    first = -raw.ctypes.data % (8 * width) // 8
+    return raw[first : first + rows * width].reshape(rows, width)
+
+
+def results(code: Code) -> list[Any]:
+    """Entries of all that a function returns."""
+    return [entry for _, row in code.graph.results for entry in row]
+
+
+def called(found: Functions, which: int, taken: Sequence[int], made: Sequence[int]) -> Any:
+    """A call of C of a function; arrays that it returns stay where they are."""
+    code: Code = found.codes[which]
+    at = ints([*taken, *(place for entry, place in zip(results(code), made) if not is_array(entry))])
+    return Call(found.addresses[which], at, code.c.constants.ctypes.data)

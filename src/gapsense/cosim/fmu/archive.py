@@ -48,7 +48,7 @@ def read_description(path: Path) -> tuple[bytes, list[str]]:
             members = refuse_dangerous(archive.infolist(), path.stat().st_size)
             refuse_damaged(archive)
             if DESCRIPTION not in members:
-                raise UnusableError(f"the archive has no {DESCRIPTION}, so it is no FMU. Export it again.")
+                raise UnusableError(f"the archive has no {DESCRIPTION}, so it is not an FMU. Export it again.")
             if archive.getinfo(DESCRIPTION).file_size > LARGEST_DESCRIPTION:
                 most = LARGEST_DESCRIPTION // 10**6
                 raise UnusableError(f"its {DESCRIPTION} has more than {most} MB. Export it with fewer variables.")
@@ -90,10 +90,10 @@ def member_problem(info: zipfile.ZipInfo) -> str | None:
     if name.startswith("/") or ".." in PurePosixPath(name).parts:
         return "would be unpacked outside its folder"
     if stat.S_IFMT(info.external_attr >> 16) not in KINDS:
-        return "is a link or a device, no file"
+        return "is a link or a device, not a file"
     if info.flag_bits & ENCRYPTED:
         return "is encrypted"
-    return None if info.compress_type in METHODS else "is not packed by `deflate`, which FMI asks for"
+    return None if info.compress_type in METHODS else "is not packed by `deflate`, as FMI requires"
 
 
 def refuse_damaged(archive: zipfile.ZipFile) -> None:
@@ -116,7 +116,7 @@ def refuse_collisions(infos: Iterable[zipfile.ZipInfo]) -> None:
         inside.update(str(parent) for parent in PurePosixPath(name).parents)
         content = (info.CRC, info.file_size)
         if not name.endswith("/") and files.setdefault(str(PurePosixPath(name)), content) != content:
-            raise UnusableError(f"its member `{shown(name)}` is there twice, with other content. {UNTRUSTED}")
+            raise UnusableError(f"its member `{shown(name)}` is there twice, with different content. {UNTRUSTED}")
     for name in sorted(inside & files.keys()):
         raise UnusableError(f"its member `{shown(name)}` is a file and a folder. {UNTRUSTED}")
 
@@ -138,7 +138,7 @@ def refuse_document_type(data: bytes, name: str = DESCRIPTION) -> None:
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:
-        raise UnusableError(f"its {name} is no XML: {error}. Export it again.") from error
+        raise UnusableError(f"its {name} is not XML: {error}. Export it again.") from error
     except (LookupError, ValueError) as error:
         if isinstance(error, UnusableError):
             raise

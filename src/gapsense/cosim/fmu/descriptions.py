@@ -175,7 +175,7 @@ def number(v: Any, attribute: str) -> float | None:
     text = of_type(v, attribute)
     value = None if text is None else float(text)
     if value is not None and math.isnan(value):
-        raise UnusableError(f"`{attribute}` of its variable `{shown(v.name)}` is no number. Export it again.")
+        raise UnusableError(f"`{attribute}` of its variable `{shown(v.name)}` is not a number. Export it again.")
     return value
 
 
@@ -424,8 +424,10 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
     library = f"{model.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
     if folder + library not in members:
         platforms = sorted({name.split("/")[1] for name in members if name.startswith("binaries/") and name[9:]})
-        has = f"it has {', '.join(map(shown, platforms))}" if platforms else "it has none at all"
-        raise UnusableError(f"it has no library `{folder}{library}` for this platform; {has}. Ask for one that does.")
+        has = f"it has {', '.join(map(shown, platforms))}" if platforms else "it has none"
+        raise UnusableError(
+            f"it has no library `{folder}{library}` for this platform; {has}. Ask for an FMU that has it."
+        )
 
 
 def refuse_shared(variables: Iterable[Variable]) -> None:
@@ -436,7 +438,7 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
             kind = "Integer" if v.type == "Enumeration" else v.type
             other = first.setdefault((v.size or kind, v.reference), v.array or v.name)
             if other != (v.array or v.name):
-                found = f"its variables `{shown(other)}` and `{shown(v.name)}` have one value reference, {v.reference}"
+                found = f"its variables `{shown(other)}` and `{shown(v.name)}` share the value reference {v.reference}"
                 raise UnusableError(f"{found}. Export it again.")
 
 

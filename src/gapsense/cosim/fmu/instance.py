@@ -42,7 +42,7 @@ WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 # No status of FMI: the step was done and is to be the last; it ended the run before it was over; it went elsewhere.
 ENDS, ENDS_WITHIN, ASTRAY = 1001, 1002, 1003
 TERMINATED, LAST_TIME = 3, 2  # what can be asked after a step that was discarded
-STEADY = "Give it a step that it can do at once, or ask who made it"
+STEADY = "Choose a step that it can do in one go, or ask its author"
 LONGEST = 500  # characters of a message shown in an error; its `log` has all
 KEPT = 1000  # log messages per instance; the oldest are dropped
 C_TYPES: Mapping[str, Any] = {
@@ -162,7 +162,9 @@ class Instance:
         """Error for a call that failed; the instance counts as dead if it said `fmi2Fatal`."""
         self.failed, self.status, self.is_dead = function, status, self.is_dead or status == FATAL
         if status == ASTRAY:
-            found = f"{self.entry(function)} said that it reached t = {self.last:.9g} s, the end of the step expected"
+            found = (
+                f"{self.entry(function)} reported that it reached t = {self.last:.9g} s, the end of the step expected"
+            )
             cause = f"{found}. {STEADY}{self.said()}."
             return FmuError(self.name, cause, time=time, step=step, log=self.log())
         word = self.entry(STATUS[status]) if 0 <= status < len(STATUS) else f"status {status}"
@@ -177,7 +179,7 @@ class Instance:
         own = [m.text for m in self.messages if m.status in (DISCARD, ERROR)]
         texts = own or [m.text for m in self.messages if m.status == FATAL] or [m.text for m in self.messages]
         lines = dict.fromkeys(summary(text).rstrip(".") for text in texts[-3:])
-        return f"; the component says: {'; '.join(lines)}" if lines else "; the component says nothing about it"
+        return f"; the component says: {'; '.join(lines)}" if lines else "; the component gives no reason"
 
     def log(self) -> str:
         """Everything logged, oldest first."""
@@ -451,7 +453,7 @@ def unpacked(description: Description) -> Path:
             shutil.rmtree(part, ignore_errors=True)
             cause = getattr(error, "strerror", None) or error
             why = f"`{description.path}` cannot be unpacked into `{folder.parent}`: {cause}"
-            raise FmuError(description.name, f"{why}. Look at the file and at the space on that disk.") from error
+            raise FmuError(description.name, f"{why}. Check the file and the free space on that disk.") from error
         with suppress(OSError):  # another thread was faster
             part.rename(folder)
     return folder

@@ -78,7 +78,7 @@ def other_times(result: Result, times: Vector) -> str:
         return ""
     row, count = int(np.argmax(wrong)), int(wrong.sum())
     found = f"row {row} of the baseline is at {times[row]:.9g} s, of the run at {result.times[row]:.9g} s"
-    return f"{count} rows are at other times: {found}. Update the baseline."
+    return f"{count} rows have other times: {found}. Update the baseline."
 
 
 def other_signals(names: list[str], columns: Mapping[str, Vector]) -> list[str]:
@@ -182,7 +182,7 @@ class Difference:
 
     @property
     def share(self) -> float:
-        """Greatest difference in terms of what is allowed."""
+        """Greatest difference in terms of the tolerance."""
         largest = float(self.counted.max(initial=0.0))
         return 0.0 if largest == 0.0 else largest / self.allowed if self.allowed else np.inf
 
@@ -223,7 +223,7 @@ class Comparison:
 
     @property
     def failing(self) -> list[Difference]:
-        """Signals that differ, the worst in terms of what is allowed first."""
+        """Signals that differ, the worst in terms of the tolerance first."""
         return sorted((d for d in self.signals if not d.passed), key=lambda d: -d.share)
 
     @property
@@ -248,8 +248,8 @@ class Comparison:
         edges = sum(d.edges > 0 for d in self.within)
         parts = [f"{len(self.within)} of {len(self.signals)} signals within their tolerance, {same} of them equal"]
         nearest = next((d for d in self.within if d.share), None)
-        parts += [f"nearest to its end `{nearest.name}`, {nearest.share:.3g} of what is allowed"] if nearest else []
-        parts += [f"{edges} only because edges may move"] if edges else []
+        parts += [f"closest to its limit `{nearest.name}`, {nearest.share:.3g} of the tolerance"] if nearest else []
+        parts += [f"{edges} only because edges may shift"] if edges else []
         return "; ".join(parts) + "."
 
 
@@ -347,7 +347,7 @@ def apart(times: Vector, other: Vector, name: str, other_name: str) -> list[str]
         twice = mine > np.maximum(theirs, 1)
         if twice.any():
             extra = int((mine - np.maximum(theirs, 1))[twice].sum())
-            told.append(f"{of}: {rows(extra)} at times of rows before, {spans(moments, twice)}. Remove what is double.")
+            told.append(f"{of}: {rows(extra)} at times of rows before, {spans(moments, twice)}. Remove the duplicates.")
     has, rest = (count > 0 for count in counts)
     both, smaller = int((has & rest).sum()), min(int(has.sum()), int(rest.sum()))
     for own, full, of, whose in ((has, rest, name, other_name), (rest, has, other_name, name)):

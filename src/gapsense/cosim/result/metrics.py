@@ -59,7 +59,7 @@ KINDS: Mapping[str, MetricKind] = {
     "final": MetricKind(lambda error: float(error[-1]), "optional", "Last sample"),
     "min": MetricKind(lambda signal: float(np.min(signal)), "optional", "Least sample"),
     "max": MetricKind(lambda signal: float(np.max(signal)), "optional", "Greatest sample"),
-    "increase": MetricKind(lambda error: float(error[-1] - error[0]), "optional", "Last sample less the first"),
+    "increase": MetricKind(lambda error: float(error[-1] - error[0]), "optional", "Last sample minus the first"),
     "fraction": MetricKind(lambda signal: float(np.mean(signal != 0.0)), "none", "Share of the samples that are not 0"),
     "until_above": MetricKind(
         first_above, "required", "Time [s] from `after` to the first sample above the reference, or infinite", True

@@ -59,13 +59,13 @@ def paired(result: Path, reference: Path) -> Iterator[tuple[Path, Path]]:
         raise InputError(wrong)
     if result.is_dir() != reference.is_dir():
         folder, file = (result, reference) if result.is_dir() else (reference, result)
-        raise InputError([f"`{folder}` is a folder, `{file}` is none. Name two results, or two folders of results."])
+        raise InputError([f"`{folder}` is a folder, `{file}` is not. Name two results, or two folders of results."])
     if not result.is_dir():
         yield result, reference
         return
     ours, theirs = results_in(result), results_in(reference)
     problems = [
-        f"`{folder / name}` has no counterpart in `{other}`. Remove it, or make the other one."
+        f"`{folder / name}` has no counterpart in `{other}`. Remove it, or add the counterpart."
         for folder, other, names in ((result, reference, ours - theirs), (reference, result, theirs - ours))
         for name in sorted(names)
     ]
@@ -131,7 +131,7 @@ def compare_results(
     rtol, atol : float
         Allowed is `atol + rtol * nominal`.
     edge_steps : int
-        Steps of its component that an edge may come earlier or later.
+        Steps of its component by which an edge may come earlier or later.
     """
     both = of_result(result, "the result"), of_result(reference, "the reference")
     return compare_trajectories(*both, Baseline(Path(), tolerance=Tolerance(rtol, atol, edge_steps)), Window())

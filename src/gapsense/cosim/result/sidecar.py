@@ -43,18 +43,20 @@ def read_whole(path: Path) -> tuple[dict[str, Any], bytes]:
     sidecar = path.with_suffix(".json")
     content, data = read_bytes(path), read_sidecar(path)
     if data is None and not SIGNALS.match(content[:LOOKED_AT]):
-        found = f"{sidecar.name} beside it is missing, damaged or no side-car"
+        found = f"{sidecar.name} beside it is missing, damaged or not a side-car"
         found = f"{found}, and no column is a signal `component.variable`"
-        record = f"Of a record of measurements `gapsense inspect {path}` tells what there is"
-        raise InputError([f"{path}: {found}, so it is no result of a run. {record}."])
+        record = f"If it is a record of measurements, try `gapsense inspect {path}`"
+        raise InputError([f"{path}: {found}, so it is not the result of a run. {record}."])
     if data is None:
-        raise InputError([f"{path}: {sidecar.name} beside it is missing, damaged or no side-car. Run again."])
+        raise InputError([f"{path}: {sidecar.name} beside it is missing, damaged or not a side-car. Run again."])
     if data["format"] == OLD:
-        raise InputError([f"{path}: an old result, whose side-car does not tell the hash of the CSV. Run again."])
+        raise InputError([f"{path}: an old result, whose side-car lacks the hash of the CSV file. Run again."])
     found, expected = sha256(content).hexdigest(), data.get("sha256")
     if found != expected:
         said = f"has the SHA-256 {found}, {sidecar.name} expects {expected}"
-        raise InputError([f"{path}: {said}. One of them is of another run, or was edited. Run again, or restore both."])
+        raise InputError(
+            [f"{path}: {said}. One of them belongs to another run, or was edited. Run again, or restore both."]
+        )
     return data, content
 
 
@@ -91,7 +93,7 @@ def result_file(folder: Path, scenario: str | Path, variant: str | None = None, 
         raise InputError([f"--out: `{folder}` found, a folder or a file that ends in `.csv` expected. Correct it."])
     data = read_sidecar(file)
     if data is None and (file.exists() or file.with_suffix(".json").exists()):
-        raise InputError([f"{file}: there is a file that is no result of a run. Remove it, or {ELSEWHERE}."])
+        raise InputError([f"{file}: this file exists and is not the result of a run. Remove it, or {ELSEWHERE}."])
     refuse_other(file, data["run"].get("source", own) if data else own, own)
     return file
 
@@ -122,7 +124,7 @@ def named(settings: Sequence[str]) -> list[str]:
 def refuse_other(file: Path, found: str, own: str) -> None:
     """Raise an InputError if what is in a file is of another scenario."""
     if found != own:
-        raise InputError([f"{file}: it is of the scenario `{found}`, this one is `{own}`. {ELSEWHERE.capitalize()}."])
+        raise InputError([f"{file}: it belongs to the scenario `{found}`, not to `{own}`. {ELSEWHERE.capitalize()}."])
 
 
 def relative(file: str, folder: Path) -> str:

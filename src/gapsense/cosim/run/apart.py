@@ -58,10 +58,14 @@ def tell(sentence: str) -> None:
 
 
 class Watch(NamedTuple):
-    """Who is told of a run meanwhile: `progress` base steps done and in all, `notice` what a Ctrl-C waits for."""
+    """Who is told of a run: `progress` base steps done and in all, `notice` what a Ctrl-C waits for.
+
+    What is needed when the run has ended can be prepared `meanwhile`.
+    """
 
     progress: Progress | None = None
     notice: Callable[[str], None] = tell
+    meanwhile: Callable[[], object] = lambda: None
 
 
 def record_apart(plan: Plan, watch: Watch) -> Recording:
@@ -108,6 +112,7 @@ class Run:
     def recording(self) -> Recording:
         """What the run leaves behind."""
         Thread(target=self.ask, daemon=True).start()
+        self.watch.meanwhile()
         self.look()
         answer = None
         while answer is None:

@@ -142,7 +142,7 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
         if not description.can_save
     ]
     if os.path.lexists(checkpoint.file) and not checkpoint.resume and not is_checkpoint(checkpoint.file):
-        problems.append(f"{checkpoint.file}: there is something that is no checkpoint. Remove it, or {ELSEWHERE}.")
+        problems.append(f"{checkpoint.file}: this file exists and is not a checkpoint. Remove it, or {ELSEWHERE}.")
     facts = run_facts(scenario, descriptions, take)
     if checkpoint.resume:
         before = read(checkpoint.file)[0]["run"]

@@ -40,7 +40,7 @@ def vectors_for(subject: Subject, engine: str) -> Vectors | None:
 
     if why_not := obstacle(subject):
         if engine == VECTORS:
-            LOG.warning("%s: FMUs do the runs, not vectors. %s", subject.scenario.path.name, why_not)
+            LOG.warning("%s: runs with FMUs instead of vectors. %s", subject.scenario.path.name, why_not)
         return None
     return Vectors(subject)
 

@@ -332,7 +332,7 @@ class Channel:
             if self.kind == "Real" and not math.isfinite(value):
                 return f"output `{port.variable}` is {value}. Look at its inputs and parameters"
             if self.range and abs(value) > EXACT:
-                return f"output `{port.variable}` is {value}; beyond 2**53 numbers are not kept exactly"
+                return f"output `{port.variable}` is {value}; integers beyond 2**53 are not exact"
             buffer[place] = value
         return ""
 

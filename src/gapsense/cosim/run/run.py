@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from gapsense._os.interrupts import counted
 from gapsense.cosim.check import prepare
-from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.ahead import run_ahead
 from gapsense.cosim.run.apart import Plan, Watch, record_apart, tell
 from gapsense.cosim.run.checkpoint import Checkpoint, Keeper, keeper
@@ -21,6 +20,7 @@ from gapsense.problems import suggest
 from gapsense.tables import Value
 
 if TYPE_CHECKING:
+    from gapsense.cosim.result.result import Result
     from gapsense.cosim.run.master import Master, Progress
 
 
@@ -82,7 +82,8 @@ def run(
         take = subject.taken(seed_shift, point)
         kept = keeper(checkpoint, read, descriptions, take) if checkpoint else None
         if read.experiment.isolation == "process":
-            recording = record_apart(Plan(read, descriptions, take, kept), Watch(progress, notice))
+            watch = Watch(progress, notice, meanwhile=lambda: subject.run)
+            recording = record_apart(Plan(read, descriptions, take, kept), watch)
             return finished(subject, take, recording)
         from gapsense.cosim.run.master import Master  # here: a run in another process does not need it
 

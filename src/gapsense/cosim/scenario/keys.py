@@ -27,15 +27,15 @@ from gapsense.tables import (
 
 WHEN = Section(
     "[events.<event>.when]",
-    "A condition on a signal, looked at after every base step. The event begins when it holds for the first time, with "
+    "A condition on a signal, evaluated after every base step. The event begins when it holds for the first time, with "
     "the next value that an input takes, or the next step of the component of a parameter.",
     (
         Key("signal", TEXT, "Input or output `component.variable`", '"valve.position"', required=True),
         Key("above", NUMBER, "The signal is greater than this", "0.5e-3", otherwise="`below`", is_other=True),
         Key("below", NUMBER, "The signal is less than this", "0.1e-3", otherwise="`above`"),
-        Key("for", POSITIVE, "It has been so for this time [s], whole base steps", "1e-3", otherwise="at once"),
-        Key("after", NUMBER, "It counts from this time on [s], a base step", "20e-3", otherwise="from the start"),
-        Key("again", TRUTH, "After the event it counts again, once it has not held", "true", default=False),
+        Key("for", POSITIVE, "It has held for this time [s], whole base steps", "1e-3", otherwise="at once"),
+        Key("after", NUMBER, "It is evaluated from this time on [s], a base step", "20e-3", otherwise="from the start"),
+        Key("again", TRUTH, "The event can happen again once the condition has stopped holding", "true", default=False),
     ),
     at="[events.offset.when]",
     before='[events.offset]\ntarget = "semera.current"\naction = "stuck"\nduration = 2e-3\n',
@@ -55,7 +55,7 @@ EVENT = Section(
         ),
         Key("action", TEXT, "What happens, see below", '"bias"', required=True, choices=tuple(ACTIONS)),
         Key("value", SCALAR, "How much, in the unit of the target", "20e-3", otherwise="not needed"),
-        Key("over", POSITIVE, "Time [s] in which it grows from nothing", "5e-3", otherwise="at once"),
+        Key("over", POSITIVE, "Time [s] over which it grows from zero", "5e-3", otherwise="at once"),
         Key("at", NUMBER, "Begin [s], a base step", "30e-3", otherwise="`when`"),
         Key(
             "until",
@@ -73,8 +73,8 @@ EVENT = Section(
             is_other=True,
         ),
         Key("when", TABLE, "Condition", otherwise="`at`", section=WHEN),
-        Key("seed", INDEX, "Of `noise`; run i of a sweep adds i", "7", default=0, is_other=True),
-        Key("enabled", TRUTH, "`false`: it does not happen", "true", default=True),
+        Key("seed", INDEX, "Seed of `noise`; run i of a sweep adds i", "7", default=0, is_other=True),
+        Key("enabled", TRUTH, "`false`: the event is switched off", "true", default=True),
         Key("description", TEXT, "What it stands for", '"Offset of the current sensor"', default=""),
     ),
     at="[events.offset]",
@@ -110,16 +110,16 @@ EXPERIMENT = Section(
         Key(
             "method",
             TEXT,
-            "Components step one after the other, or all with the values of the step before",
+            "Components step one after another, or all at once with the values of the previous step",
             '"jacobi"',
             default=METHODS[0],
             choices=METHODS,
         ),
-        Key("pace", POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as it goes"),
+        Key("pace", POSITIVE, "Simulated seconds per second of wall time", "1.0", otherwise="as fast as possible"),
         Key(
             "isolation",
             TEXT,
-            "`process`: from Python, too, the run has a process of its own; the command line always does that",
+            "`process`: run in a process of its own from Python too; the command line always does",
             '"process"',
             default=ISOLATIONS[0],
             choices=ISOLATIONS,
@@ -127,7 +127,7 @@ EXPERIMENT = Section(
         Key(
             "step_limit",
             POSITIVE,
-            "Wall time [s] that a step of a component may take in another process, and each call of its start",
+            "Wall time [s] that a step of a component in another process may take, and each call at its start",
             "10.0",
             default=STEP_LIMIT,
         ),
@@ -135,7 +135,7 @@ EXPERIMENT = Section(
 )
 SET = Section(
     "[components.<component>.set]",
-    "Parameters of this component, over those of its parameter sets; it may name only what the FMU has. A parameter "
+    "Parameters of this component, which override its parameter sets; the FMU must have them. A parameter "
     "`file` or `....file` names a file relative to this one. A name with dots is quoted, or written as tables.",
     free=Key(
         "<parameter>",
@@ -160,7 +160,7 @@ COMPONENT = Section(
             is_path=is_fmu,
         ),
         Key("step", COUNT, "Base steps per step of this component", "2", default=1),
-        Key("offset", INDEX, "Base steps from the start of the run to that of this component", "1", default=0),
+        Key("offset", INDEX, "Base steps from the start of the run to the start of this component", "1", default=0),
         Key(
             "parameters",
             TEXTS,
@@ -199,7 +199,7 @@ CONNECT = Section(
 )
 CONNECTION = Section(
     "[[connections]]",
-    "A connection that converts, the input becomes `factor * source + bias`, or that is delayed.",
+    "A connection that converts (the input becomes `factor * source + bias`) or is delayed.",
     (
         Key("from", TEXT, "Output `component.variable`", '"drive.voltage"', required=True),
         Key("to", TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
@@ -215,7 +215,7 @@ CONNECTION = Section(
         Key(
             "delayed",
             TRUTH,
-            "The component with the input steps first, and gets the value of one step before: so a loop is closed",
+            "The component with the input steps first and gets the value of the previous step; this closes a loop",
             "true",
             default=False,
         ),
@@ -242,7 +242,7 @@ SIGNAL = Section(
         Key(
             "interpolation",
             TEXT,
-            "Straight lines between the samples, or each holds until the next",
+            "Straight lines between the samples, or each value holds until the next",
             '"hold"',
             default=INTERPOLATIONS[0],
             choices=INTERPOLATIONS,
@@ -270,7 +270,7 @@ SEEDS = Section(
 )
 SWEEP = Section(
     "[sweep]",
-    "Values that `gapsense sweep` goes through, every one with every other. Keys of events are parameters too, as "
+    "Values of which `gapsense sweep` runs all combinations. Keys of events are parameters too, as "
     "`events.offset.value`.",
     (
         Key(
@@ -293,7 +293,7 @@ SWEEP = Section(
 )
 RECORDING = Section(
     "[record]",
-    "What is written at which steps.",
+    "Which signals are recorded, and how often.",
     (
         Key(
             "signals",
@@ -302,7 +302,7 @@ RECORDING = Section(
             '["valve.*", "sensor.current_measured"]',
             default=["*"],
         ),
-        Key("decimation", COUNT, "Every which base step", "10", default=1),
+        Key("decimation", COUNT, "Base steps from one recorded row to the next", "10", default=1),
     ),
 )
 METRIC = Section(
@@ -324,7 +324,7 @@ METRIC = Section(
         Key(
             "time",
             TEXT,
-            "Signal with the time [s] that a sample is about, for what is published later",
+            "Signal with the time [s] that a sample refers to, for outputs that are published later",
             '"offline.published_time"',
             otherwise="that of its row",
         ),
@@ -339,7 +339,7 @@ METRIC = Section(
         Key(
             "bounds",
             BOUNDS,
-            "Where it must lie; `gapsense test` and `run` fail outside",
+            "Range in which it must lie; otherwise `gapsense test` and `run` fail",
             "[0.0, 2e-3]",
             otherwise="any",
         ),
@@ -374,7 +374,7 @@ TOLERANCES = Section(
 BASELINE = Section(
     "[baseline]",
     "Reference trajectory that `gapsense test` compares with: allowed is `atol + rtol * nominal`. "
-    "`gapsense baseline --write` makes it, below this folder. With the section `test` fails where the file is gone; "
+    "`gapsense baseline --write` makes it, below this folder. With this section, `test` fails if the file is missing; "
     "one without `file` asks for one of each variant with metrics too.",
     (
         Key(
@@ -386,7 +386,7 @@ BASELINE = Section(
             is_path=always,
         ),
         Key("signals", TEXTS, "Recorded signals, or patterns", '["valve.*"]', otherwise="all recorded"),
-        Key("decimation", COUNT, "Every which recorded row", "8", default=1),
+        Key("decimation", COUNT, "Keep one of so many recorded rows", "8", default=1),
         RTOL,
         ATOL,
         EDGES,

@@ -95,15 +95,15 @@ TAKEN = {  # kinds that are right, by what is expected
 }
 CAMPAIGNS = "gapsense campaign show {%s}` or `gapsense report {%s}"
 WORDS = {  # what it is, and what to do
-    "campaign": ("the folder of a campaign's result", f"See it with `{CAMPAIGNS % ('path', 'path')}`"),
+    "campaign": ("the folder of a campaign's result", f"Look at it with `{CAMPAIGNS % ('path', 'path')}`"),
     "store": ("a file of a campaign's result", f"Name its folder: `{CAMPAIGNS % ('folder', 'folder')}`"),
-    "ledger": ("what a sweep goes on from", "Name the table beside it: `gapsense report {table}`"),
-    "sweep": ("the table of a sweep", "See it with `gapsense report {path}`"),
+    "ledger": ("what a sweep continues from", "Name the table beside it: `gapsense report {table}`"),
+    "sweep": ("the table of a sweep", "Look at it with `gapsense report {path}`"),
     "sidecar": ("the side-car of a result", "Name the CSV file beside it, `{table}`"),
-    "result": ("the result of a run", "See it with `gapsense figure {path}` or `gapsense report {path}`"),
-    "table": ("a CSV file", "Of a record of measurements `gapsense inspect {path}` tells what there is"),
-    "fmu": ("an FMU", "See its ports with `gapsense info {path}`"),
-    "checkpoint": ("the checkpoint of a run", "`gapsense run SCENARIO --resume` goes on from it"),
+    "result": ("the result of a run", "Look at it with `gapsense figure {path}` or `gapsense report {path}`"),
+    "table": ("a CSV file", "If it is a record of measurements, try `gapsense inspect {path}`"),
+    "fmu": ("an FMU", "Look at its ports with `gapsense info {path}`"),
+    "checkpoint": ("the checkpoint of a run", "`gapsense run SCENARIO --resume` continues from it"),
     "study": ("the study of a campaign", "Run it with `gapsense campaign {path}`"),
     "scenario": ("a scenario", "Run it with `gapsense run {path}`"),
     "picture": ("a picture or a page", "Name what it was made of"),
@@ -483,7 +483,7 @@ class Reader:
             item = table.table(name)
             if not re.fullmatch(NAME, name) or unfit(name):
                 what = f"a variant's name is letters, digits and `_`, not starting with a digit, at most {LONGEST_NAME}"
-                table.note(name[:LONGEST_NAME], f"{what}: files are called so. Rename it.")
+                table.note(name[:LONGEST_NAME], f"{what}: files are named after it. Rename it.")
             out[name] = item.value(VARIANT.keys[0])
             if "variants" in item.data:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
@@ -506,10 +506,12 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
     steps = (stop - start) / base
     said = f"the run from {start:.9g} s to {stop:.9g} s is {steps:.9g} steps of {base:.9g} s"
     if not abs(steps) <= MOST_STEPS:
-        table.note("", f"{said}, and at most {MOST_STEPS:.9g} are done. Change `stop` or `base_step`.")
+        table.note("", f"{said}, at most {MOST_STEPS:.9g} expected. Change `stop` or `base_step`.")
         return None
     if math.ulp(max(abs(start), abs(stop))) > COARSEST * base:
-        table.note("", f"{said}, and numbers cannot tell its times apart. Start nearer to 0, or raise `base_step`.")
+        table.note(
+            "", f"{said}, too small for numbers to tell its times apart. Start nearer to 0, or raise `base_step`."
+        )
         return None
     if pace and (stop - start) / pace > LONGEST:
         table.note("pace", f"at {pace:.9g} the run takes {(stop - start) / pace:.9g} s. Raise it.")
@@ -517,7 +519,7 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
     slack = 1e-9 * base + 1e-15 * (abs(start) + abs(stop))
     if count >= 1 and abs(start + count * base - stop) <= slack:
         return Experiment(start=start, stop=stop, base_step=base, count=count, method=method, pace=pace)
-    table.note("", f"{said}, and must be a whole number of at least 1. Change `stop` or `base_step`.")
+    table.note("", f"{said}, a whole number of at least 1 expected. Change `stop` or `base_step`.")
     return None
 
 
@@ -559,7 +561,7 @@ def read_signal(table: Table, folder: Path, files: list[Path]) -> Played | None:
     own = table.read(SIGNAL)
     sources = [key for key in ("file", "times") if own[key] is not None]
     if len(sources) != 1:
-        table.note("", "a signal has either `file` and `column` or `times` and `values`. Give one of both.")
+        table.note("", "a signal has either `file` and `column` or `times` and `values`. Give one of the pairs.")
         return None
     first, second = ("file", "column") if sources == ["file"] else ("times", "values")
     for key in {"column", "values"} & set(table.data) - {second}:
@@ -587,7 +589,7 @@ def in_order(table: Table, played: Played, lines: list[int] | None) -> Played | 
     with np.errstate(over="ignore"):
         widths, heights = np.diff(times), np.diff(values)
     if not (np.isfinite(widths).all() and np.isfinite(heights).all()):
-        table.note("", "between two samples there is more than a number can hold. Correct the values.")
+        table.note("", "the difference between two samples is too large for a number. Correct the values.")
         return None
     wrong = np.flatnonzero(widths <= 0.0) + 1
     for k in wrong[:SHOWN]:
@@ -700,7 +702,7 @@ def read_rows(path: Path, sweep: Table, files: list[Path], components: Collectio
         sweep.note(ROWS, f"{path}: {error.strerror}. {EXPECTED}")
         return (), {}
     if not sheet.is_table and not any(name.partition(".")[0] in components for name in sheet.names):
-        sweep.note(ROWS, f"{path}, line 1: no column is called as a parameter of a component. {EXPECTED}")
+        sweep.note(ROWS, f"{path}, line 1: no column is named after a parameter of a component. {EXPECTED}")
         return (), {}
     values = [
         [cell_value(sheet, i, j, problems, files) for j in range(len(sheet.names))] for i in range(len(sheet.rows))
@@ -730,7 +732,9 @@ def cell_value(sheet: Sheet, i: int, j: int, problems: list[str], files: list[Pa
         return text
     file = (sheet.path.parent / text).resolve()
     if not file.is_file():
-        problems.append(f"{sheet.place(i, j)}: there is no file `{file}`. Correct the path; it is from this file on.")
+        problems.append(
+            f"{sheet.place(i, j)}: there is no file `{file}`. Correct the path; it is relative to this file."
+        )
     files.append(file)
     return str(file)
 
@@ -768,7 +772,7 @@ def read_metric(table: Table, name: str) -> Metric | None:
     own = table.read(METRIC)
     after, before, bounds = own["after"], own["before"], own["bounds"]
     if after is not None and before is not None and after >= before:
-        table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. Let `after` be the smaller one.")
+        table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. `after` must be the smaller one.")
     if own["kind"] is None or own["signal"] is None or not reference_fits(table, own["kind"], own["reference"]):
         return None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
@@ -780,7 +784,7 @@ def reference_fits(table: Table, kind: str, reference: str | float | None) -> bo
     """True if a metric of this kind has the reference it needs, and none that it does not use."""
     use, given = KINDS[kind].reference, reference is not None
     if use == "axis" and not isinstance(reference, str):
-        problem = f"`{kind}` is of the curve over another signal. Name that signal."
+        problem = f"`{kind}` needs the other signal of the curve. Name it."
     elif use == "required" and not given and "reference" not in table.data:
         problem = f"missing; `{kind}` compares with a signal, a parameter or a number. Add it."
     elif use == "none" and given:
@@ -886,7 +890,7 @@ def read_when(table: Table) -> When | None:
     sides = [key for key in ("above", "below") if key in table.data]
     if len(sides) != 1:
         found = "neither found" if not sides else "both found"
-        table.note("", f"{found}, either `above` or `below` expected. Give one of both.")
+        table.note("", f"{found}, either `above` or `below` expected. Give one of them.")
         return None
     level = given[sides[0]]
     if signal is None or level is None:
@@ -914,9 +918,9 @@ def note_actions(table: Table, given: Mapping[str, Any]) -> None:
     elif name != "set" and isinstance(given["value"], (str, bool)):
         table.note("value", f"{given['value']!r} found, `{name}` needs a number. Correct it.")
     elif name == "noise" and (given["value"] or 0.0) < 0.0:
-        table.note("value", f"{given['value']} found, a standard deviation is not below 0. Correct it.")
+        table.note("value", f"{given['value']} found, a standard deviation cannot be negative. Correct it.")
     if action.over == NEEDED and "over" not in table.data:
-        table.note("over", f"missing; `{name}` needs the time that it takes [s]. Add it.")
+        table.note("over", f"missing; `{name}` needs its duration [s]. Add it.")
     if not action.over and "over" in table.data:
         table.note("over", f"`{name}` begins at once. Remove it, or use `ramp`.")
     if name != "noise" and "seed" in table.data:
@@ -929,13 +933,13 @@ def note_times(table: Table, given: Mapping[str, Any]) -> None:
     starts = [key for key in ("at", "when") if key in table.data]
     if len(starts) != 1:
         found = "neither found" if not starts else "both found"
-        table.note("", f"{found}, either `at` or `when` expected. Give one of both.")
+        table.note("", f"{found}, either `at` or `when` expected. Give one of them.")
     if "until" in table.data and "duration" in table.data:
-        table.note("duration", "`until` says it too. Keep one.")
+        table.note("duration", "`until` gives the end too. Keep one.")
     if "until" in table.data and "when" in table.data:
         table.note("until", "an event with `when` lasts for a `duration`, or to the end of the run. Use that.")
     if at is not None and until is not None and at >= until:
-        table.note("until", f"`at` is {at:.9g} s and `until` is {until:.9g} s. Let `at` be the smaller one.")
+        table.note("until", f"`at` is {at:.9g} s and `until` is {until:.9g} s. `at` must be the smaller one.")
     again = isinstance(table.data.get("when"), dict) and table.data["when"].get("again") is True
     if again and "duration" not in table.data:
         table.note("when.again", "an event that lasts to the end of the run happens once. Add `duration`.")

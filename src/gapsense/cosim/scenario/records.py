@@ -142,10 +142,12 @@ class Action(NamedTuple):
 
 ACTIONS: Mapping[str, Action] = {
     "set": Action("has the value", "the value", only_real=False),
-    "ramp": Action("goes in a straight line from what it was to the value", "its last value", NEEDED, remembers=True),
+    "ramp": Action(
+        "goes in a straight line from its old value to the new one", "its last value", NEEDED, remembers=True
+    ),
     "bias": Action("is shifted by the value", "what is added", MAY_BE),
     "scale": Action("is multiplied by the value", "the factor", MAY_BE),
-    "stuck": Action("stays what it was", on_parameter=False, only_real=False, remembers=True),
+    "stuck": Action("keeps its last value", on_parameter=False, only_real=False, remembers=True),
     "dropout": Action("is NaN: the sample was lost", on_parameter=False),
     "noise": Action("has normal noise added", "its standard deviation"),
 }

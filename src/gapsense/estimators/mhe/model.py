@@ -18,10 +18,11 @@ from gapsense.estimators import reduced_model
 from gapsense.estimators.gap import Gap, bump, gap, make_gap
 from gapsense.estimators.readings import RANGE_CURRENT, RANGE_VOLTAGE
 from gapsense.estimators.reduced_model import GapLaw
+from gapsense.kernels.elementary import exp
 from gapsense.kernels.interface import option, parameter, ports, same
 from gapsense.kernels.layout import Array, Scalar, Table
 from gapsense.kernels.linalg import matrix, vector
-from gapsense.kernels.trace import clip, cond, exp, fabs, not_, square, where
+from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
 
 QUIET_VOLTAGE, QUIET_CURRENT = 6.0, 0.05  # deviations of the noise within which a coil at rest stays as it is
 FULL = 0.97  # |m| from which S goes on linearly

@@ -58,17 +58,16 @@ from gapsense.estimators.mhe.window import (
     put_matrix,
     start_deviation,
 )
+from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import deviation, diagonal, outer, swept, vector
 from gapsense.kernels.trace import (
     clip,
     cond,
-    exp,
     fabs,
     flag,
     is_set,
     load,
-    log,
     not_,
     sqrt,
     square,

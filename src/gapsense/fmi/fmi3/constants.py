@@ -63,7 +63,7 @@ def arrays_c(component: Component, kernel: Kernel, tables: Tables) -> str:
 def kernel_c(kernel: Kernel) -> str:
     """The function that makes the matrices; nothing if there are none."""
     text = source(kernel)
-    return f"{C.head}\nstatic {text}\n" if text else ""
+    return C.module(f"static {text}") if text else ""
 
 
 def numbers(name: str, columns: Sequence[Sequence[float]]) -> str:

@@ -19,7 +19,7 @@ RULES = "gapsense.rules"  # type of our annotation
 ABILITIES = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
 CATEGORIES = {"logStatusError": "Refusals and errors"}
 LANGUAGE = "C99"
-OPTIONS = "-ffp-contract=off -fno-builtin"
+OPTIONS = "-ffp-contract=off"
 
 
 def model_description(component: Component, variables: Sequence[Variable], token: str, version: str) -> bytes:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import UUID
 
-from gapsense._os.native import NO_FOLDING
 from gapsense.fmi import package
 from gapsense.fmi.fmi3.constants import arrays_c, shapes
 from gapsense.fmi.fmi3.variables import Variable, variables
@@ -23,6 +22,7 @@ from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import fields, names
 from gapsense.version import __version__
 
+EXACT = '\n#include "exact.h"\n'
 COLUMN_KINDS = {"integral": "INTEGRAL", "spline": "SPLINE"}
 MODEL = """/* {description} Generated from the port table. */
 #include "model.h"
@@ -73,8 +73,8 @@ def gather(folder: Path, values: Mapping[str, Any], *, with_arrays: bool = True)
     component, kernel, paths = package.prepared(folder, values)
     resources = {path.name: path.read_bytes() for path in paths}
     tables = shipped(component, {path.name: path for path in paths})
-    files = {**common(), "kernel.c": kernel.c(), "arrays.c": arrays_c(component, kernel, tables)}
-    flags = (FLAGS, SMALL, NO_FOLDING, sorted(PLATFORMS.items()))
+    files = {**common(), "kernel.c": kernel.c() + EXACT, "arrays.c": arrays_c(component, kernel, tables)}
+    flags = (FLAGS, SMALL, sorted(PLATFORMS.items()))
     content = (__version__, component, sorted(files.items()), sorted(resources.items()), flags, with_arrays)
     identity = hashlib.sha256(repr(content).encode()).hexdigest()[:32]
     found = variables(component, tables, shapes(kernel))

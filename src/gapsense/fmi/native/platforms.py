@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 from typing import NamedTuple
 
-from gapsense._os.native import NO_FOLDING, ZIG, NativeError, own_compiler, zig_compiler, zig_version
+from gapsense._os.native import ZIG, NativeError, own_compiler, zig_compiler, zig_version
 
 FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
 SMALL = ("-Os",)  # besides, for what is not arithmetic
@@ -42,7 +42,7 @@ class Compiler(NamedTuple):
     @property
     def flags(self) -> tuple[str, ...]:
         """Options for every source."""
-        return (*FLAGS, *NO_FOLDING, *self.binary.flags)
+        return (*FLAGS, *self.binary.flags)
 
 
 def here() -> str | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from gapsense._os.native import Library, NativeError
 from gapsense.fmi.shim import BINARY, SOURCE
+from gapsense.kernels.emit import same
 
 
 def headers() -> Path:
@@ -30,6 +31,11 @@ def exported() -> tuple[str, ...]:
     return tuple(sorted(set(re.findall(r"^(?:STATUS\(|FMI2_Export [^=;]*?)(fmi2\w+)\b[(,]", text, flags=re.MULTILINE))))
 
 
+def generated() -> dict[str, str]:
+    """The header with exp, log and tanh."""
+    return {"same.h": same("double", ("same_exp(", "same_log(", "same_tanh("))}
+
+
 SHIM = Library(
     module="gapsense.fmi.shim.build",
     source=SOURCE,
@@ -37,7 +43,9 @@ SHIM = Library(
     exports=exported(),
     embedded=("loader.py",),
     libraries=("-ldl", "-lpthread"),  # part of libc since glibc 2.34
+    options=("-ffp-contract=off",),
     headers=headers,
+    generated=generated,
 )
 
 if __name__ == "__main__":

@@ -34,6 +34,8 @@ static int find_loader(void)
         PyObject *code = py.Py_CompileString(gapsense_shim_loader, "loader.py in the binary of the FMU", FILE_INPUT);
         put(&found, code ? py.PyImport_ExecCodeModule(name, code) : NULL);
         py.Py_DecRef(code);
+        if (found)
+            lend_functions(found);
     }
     py.Py_DecRef(key);
     loader = found;

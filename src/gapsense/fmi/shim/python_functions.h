@@ -36,6 +36,7 @@ FUNCTION(PyObject *, PyObject_CallMethod, (PyObject *, const char *, const char 
 FUNCTION(PyObject *, PyObject_VectorcallMethod, (PyObject *, PyObject *const *, size_t, PyObject *))
 FUNCTION(int, PyObject_IsTrue, (PyObject *))
 FUNCTION(PyObject *, Py_BuildValue, (const char *, ...))
+FUNCTION(PyObject *, PyCFunction_NewEx, (void *, PyObject *, PyObject *))
 FUNCTION(int, PyArg_ParseTuple, (PyObject *, const char *, ...))
 
 FUNCTION(PyObject *, PyBool_FromLong, (long))

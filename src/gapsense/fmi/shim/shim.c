@@ -8,6 +8,7 @@
  *   resources.h    the folder with the slave's script, from any file URI
  *   messages.h     what the host is told, as data and never as a printf format
  *   lent.h         values of a running slave, with which the usual calls need next to no Python
+ *   functions.h    exp, log and tanh for the kernel
  *   instance.h     an instance, the way into Python and out again, calls that fail
  *   values.h       getting and setting variables
  *   state.h        saving the state
@@ -15,7 +16,7 @@
  *   loader.py      what is easier to say in Python: the slave's class, words of failures. The binary has its text in it
  *
  * A call that fails is told in one message, returns fmi2Error, and leaves an instance that can be reset; fmi2Fatal is
- * for a process that has no Python any more. Nothing of this library is held by Python, so that a host may close it.
+ * for a process that has no Python any more. But for functions.h nothing of this library is held by Python, so that a host may close it.
  * Rebuild with `python -m gapsense.fmi.shim.build`.
  */
 #define _GNU_SOURCE
@@ -24,6 +25,7 @@
 #include <math.h>
 #include <pthread.h>
 #include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -41,6 +43,7 @@ FMI2_Export const char gapsense_shim_fingerprint[] = "gapsense-shim:" SHIM_FINGE
 #include "resources.h"
 #include "messages.h"
 #include "lent.h"
+#include "functions.h"
 #include "instance.h"
 #include "values.h"
 #include "state.h"

@@ -164,7 +164,7 @@ CAUSES = {
     "motion": "the mechanics: stops, turns, spring or gap law that are not as given, dry friction, or bounces",
     "hold": "a voltage that is not the coil's (drops of the driver, a supply that sags, PWM sampled in step), or a coil"
     " that gets warm",
-    "decay": "a drop in the path of the falling current, or a core that remembers otherwise",
+    "decay": "a drop in the path of the falling current, or a core with other hysteresis",
     "rest": "an offset of the current, or flux from an operation before",
 }
 

@@ -167,7 +167,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
     said += [
         f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
-        " is a guess. Values and standard errors are not to be relied on: sample faster or, through a filter, the mean."
+        " is a guess. Do not rely on values and standard errors. Sample faster, or sample a filtered mean."
         for d in result.drives
         if d.is_too_fast
     ]
@@ -177,7 +177,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     if not result.is_minimum:
         after = f"after {result.steps} steps" if result.steps else "without one step from what was believed"
         said.append(
-            f"The search ends {after}, at no minimum: its slopes promise {100.0 * result.promise:.0f} % less, but no"
+            f"The search ends {after}, not at a minimum: its slopes promise {100.0 * result.promise:.0f} % less, but no"
             " step keeps that. Begin with other values, those of the core above all."
         )
     if is_usual and result.is_explained:
@@ -193,15 +193,15 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         )
     stroke = before.stop_upper - before.stop_lower
     if all(np.ptp(model.position) < MOVES * stroke for model in result.models):
-        said.append("The mover does not leave its stop: mass, spring and damping stay as they were believed.")
+        said.append("The mover does not leave its stop: mass, spring and damping keep their first guesses.")
     if held := [PORTS[name].name for name in DEVIATIONS if name not in result.names]:
         said.append(f"Held, for they are 0 or in a file: {', '.join(held)}.")
     for name in result.names:
         factor = float(getattr(result.parameters, name) / getattr(before, name))
         if abs(math.log(factor)) > FAR * result.believed[name]:
             said.append(
-                f"`{PORTS[name].name}` is {factor:.2g} times what was believed, much farther off than it should be:"
-                " check what was given, or the voltage."
+                f"`{PORTS[name].name}` is {factor:.2g} times what was believed, much further off than it should be:"
+                " check the given values and the voltage."
             )
     return said
 

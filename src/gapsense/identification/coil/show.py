@@ -97,7 +97,7 @@ def tuning(result: Coil) -> dict[str, float]:
 HEADS = ("parameter", "value", "standard error", "95 % interval", "")
 HIDES = 0.05  # of the largest current: in noise of 6 % the valve of 30 V moves unseen
 ONE_TURN = (
-    "`coil.turns` is assumed to be 1, for no record tells it: with other turns all reluctances go with their square."
+    "`coil.turns` is assumed to be 1, since no record shows it: with other turns all reluctances go with their square."
 )
 SMALL = 0.01  # difference of resistances that a warm coil need not explain
 
@@ -158,7 +158,7 @@ def remarks(result: Coil) -> list[str]:
     if result.is_explained:
         said.insert(0, "No motion: a coil whose core stays where it is explains the current; no motion to identify.")
         said += [
-            f"{r.record}: the noise is {100.0 * noise:.2g} % of the largest current, in which a motion may be hidden."
+            f"{r.record}: the noise is {100.0 * noise:.2g} % of the largest current, which may hide a motion."
             for r, x in zip(result.residuals, result.records)
             if (noise := r.noise / float(np.abs(x.current).max())) > HIDES
         ]
@@ -179,7 +179,7 @@ def remarks(result: Coil) -> list[str]:
 def hidden(result: Coil) -> list[str]:
     """Offsets that show only while the coil works."""
     said = [
-        f"{record.name}: `{name}` is {quantity(-value, unit)} off while the coil works, which the steps of its"
+        f"{record.name}: `{name}` is {quantity(-value, unit)} off during operation, which the steps of its"
         " converter hide at rest; the model allows for it."
         for record, offset in zip(result.records, result.offsets)
         for name, unit, value in zip(("voltage", "current"), "VA", offset)

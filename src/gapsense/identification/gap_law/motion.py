@@ -1,4 +1,4 @@
-"""Gap law of records with a measured position: current, flux linkage and gap tell the reluctance at every sample.
+"""Gap law of records with a measured position: current, flux linkage and gap give the reluctance at every sample.
 
 By (49) and (50), i = lambda / N^2 (R_gap(z) + R_iron0 / (1 - |lambda| / lambda_sat)): with a given lambda_sat a sum of
 columns whose factors are not negative.  The residual of the current weights each sample by what it tells: without flux

@@ -121,14 +121,14 @@ def said(turns: float, taken: Candidate) -> list[str]:
     offset = jackknife(np.array([[each.offset] for each in taken.others]))[0]
     told = [
         f"Without gap {quantity(taken.law.offset, '1/H')} +- {quantity(float(offset), '')} is left. It is ascribed to"
-        " the core; which part of it saturates is for records of voltage and current to tell:"
+        " the core; which part of it saturates, records of voltage and current show:"
         " `gapsense identify --inductance`.",
-        f"Reluctances are those for {turns:g} turns. Inductances do not tell the turns, and current, flux linkage and"
+        f"Reluctances are those for {turns:g} turns. Inductances do not show the turns, and current, flux linkage and"
         " force do not depend on them if all reluctances go with their square.",
     ]
     if taken.foretold > POOR:
         told.append(
-            f"A gap that is left out is foretold to {100.0 * taken.foretold:.2g} % only, and the force is the slope:"
+            f"A gap that is left out is predicted to {100.0 * taken.foretold:.2g} % only, and the force is the slope:"
             " measure at more gaps."
         )
     return told

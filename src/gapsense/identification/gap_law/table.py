@@ -47,7 +47,7 @@ def impossible(found: Inductances) -> list[str]:
         told.append(f"{file}: an inductance of {quantity(float(L.min()), 'H')} found, positive ones expected.")
     told += [
         f"{file}: the largest {what} is {quantity(float(x.max()), unit)}, {quantity(least, unit)} to"
-        f" {quantity(most, unit)} expected. Correct the unit in the head of the column."
+        f" {quantity(most, unit)} expected. Correct the unit in the header of the column."
         for (what, unit, least, most), x in zip(USUAL, (h, L))
         if not told and not least <= x.max() <= most
     ]

@@ -60,14 +60,14 @@ def of_jumps(record: Record, found: Facts) -> Iterator[str]:
     steps = {name: float(np.abs(np.diff(x)).max()) for name, x in record.signals.items()}
     if steps["current"] > jump["current"] > 0.0 and steps["voltage"] < jump["voltage"]:
         yield (
-            "The current jumps from one sample to the next, the voltage does not: no coil lets it. Are the columns"
+            "The current jumps from one sample to the next, the voltage does not: no coil allows that. Are the columns"
             " interchanged?"
         )
     for name in jump if found.path.carrier is None else ():
         for k in spikes(record.signals[name], jump[name])[:SHOWN]:
             yield (
                 f"row {record.rows[k]}: `{name}` is {record.signals[name][k]:.4g} in this one sample only. Correct it,"
-                " or look for what disturbs."
+                " or find the disturbance."
             )
 
 
@@ -126,7 +126,7 @@ def of_sampling(found: Facts) -> Iterator[str]:
     if found.path.is_command:
         yield (
             "The voltage has few values and no noise: a command, or too coarse a converter. A command does not have the"
-            " drops of the driver, which are then taken for resistance. Measure at the coil's terminals."
+            " drops of the driver, which then look like resistance. Measure at the coil's terminals."
         )
     rise = min((p.rise for p in found.pulses), default=FEW)
     if 0 < rise < FEW and found.is_from_rest:
@@ -167,15 +167,13 @@ def of_resistances(found: Facts, resistance: float | None) -> Iterator[str]:
 
 YES, CARE, NO = "yes", "with care", "no"
 ENOUGH = 20  # samples at rest, that tell offsets and noise
-UNMOVED = "no motion is seen: it tells of coil and core; the mechanics would be guesses"
+UNMOVED = "no motion is seen: the record can identify coil and core, the mechanics would be guesses"
 EQUAL = 0.02  # of the resistance, that operations may differ by
 CONSTANT = 0.025  # of the flux linkage, which noise and the sampling may hide
-WRONG = (
-    "no coil has such a voltage and current: a sensor is reversed, columns are interchanged, or there is no voltage."
-)
+WRONG = "no coil has such a voltage and current: a sensor is reversed, columns are swapped, or there is no voltage."
 USES = ("`identify`", "`commission`", "`estimate`")
 COIL, MOTION = ("resistance", "flux linkage"), "motion, {}".format
-WHOLE = "Record from rest until the current has ended."
+WHOLE = "Record from rest until the current has decayed."
 
 
 class Item(NamedTuple):
@@ -246,9 +244,7 @@ def why_unseen(found: Facts) -> str:
         return "clipped, where it would be seen. Widen the measuring range."
     bend = float(np.median([p.bend for p in found.pulses]))
     if bend < CONSTANT:
-        return (
-            f"the inductance is constant within {100.0 * bend:.2g} %: no iron moves. Raise the voltage, if some should."
-        )
+        return f"the inductance is constant within {100.0 * bend:.2g} %: no iron moves. Raise the voltage if it should."
     hidden = ", or the ripple of the PWM hides it: drive without PWM" if found.path.carrier else ""
     return (
         f"the current falls nowhere under a held voltage{hidden}. Raise the voltage, hold it for longer, or let"
@@ -258,7 +254,7 @@ def why_unseen(found: Facts) -> str:
 
 def why_no_way_back(found: Facts) -> str:
     """Why none is seen while it falls."""
-    text, v = "the falling current bends nowhere.", found.signals["voltage"]
+    text, v = "the falling current has no bend.", found.signals["voltage"]
     if found.path.decay is not None and found.path.decay < 0.0 and v.smallest < -0.1 * v.largest:
         text += f" Against {quantity(found.path.decay, 'V')} it may have ended before the mover goes back:"
         text += " record some without."
@@ -284,7 +280,7 @@ def uses(found: Facts, has_motion: bool, impaired: int) -> list[Item]:
     whole = (NO, found.unfinished[0].partition(": ")[2]) if found.unfinished else begun
     if not has_motion:
         whole, begun = (use if use[0] == NO else (CARE, UNMOVED) for use in (whole, begun))
-    flowing = ready if found.is_from_rest else (CARE, "nothing is right before the current has ended once")
+    flowing = ready if found.is_from_rest else (CARE, "no value is valid before the current has decayed once")
     flowing = flowing if found.pulses or found.incomplete else begun
     return [Item(name, *use) for name, use in zip(USES, (whole, begun, flowing))]
 

@@ -67,7 +67,7 @@ def even_out(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
         return columns, ()
     even = np.linspace(t[0], t[-1], t.size)
     said = (
-        f"`time` is rounded to {rounding(t):.2g} s, coarsely for steps of {even[1] - even[0]:.6g} s: these are taken."
+        f"`time` is rounded to {rounding(t):.2g} s, coarsely for steps of {even[1] - even[0]:.6g} s: these are assumed."
     )
     return columns._replace(values={**columns.values, "time": even}), (said,)
 
@@ -112,7 +112,7 @@ def size_problems(columns: Columns, name: str) -> Iterator[str]:
     if x.size and abs(x[k]) > LARGEST:
         yield (
             f"{columns.file}, row {columns.rows[k]}: `{name}` is {x[k]:.4g} {unit}, at most {LARGEST:g} {unit} are"
-            " expected. Correct the value, or the unit in the head of the column."
+            " expected. Correct the value, or the unit in the header of the column."
         )
 
 

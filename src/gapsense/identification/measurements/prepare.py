@@ -105,8 +105,8 @@ def thin(record: Record) -> Record:
         return record
     made = average_blocks(record, size)
     said = (
-        f"{n} samples are averaged {size} by {size} to {made.times.size}, one every {1e6 * made.dt:.4g} us: that are"
-        f" at least {RISE} in the rise of the current, more would not make the result better. Charge and volt-seconds"
+        f"{n} samples are averaged {size} by {size} to {made.times.size}, one every {1e6 * made.dt:.4g} us,"
+        f" at least {RISE} in the rise of the current; more would not improve the result. Charge and volt-seconds"
         " are kept."
     )
     return made._replace(remarks=(*made.remarks, said))
@@ -120,9 +120,7 @@ def shorten(record: Record, period: float | None = None) -> Record:
     kept = [operation for operation in found if operation.stop < MOST_SAMPLES] or found[:1]
     if len(kept) == len(found):
         return record
-    said = (
-        f"the first {len(kept)} of {len(found)} operations are used: all of them would take long and tell little more."
-    )
+    said = f"the first {len(kept)} of {len(found)} operations are used: all of them would take long and add little."
     return part(record, slice(0, kept[-1].stop + 1))._replace(remarks=(*record.remarks, said))
 
 

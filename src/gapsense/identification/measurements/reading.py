@@ -169,7 +169,7 @@ def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
         problems.append(f"{path.name}, row 1: {other}")
         return nothing
     if not any(sum(is_number(cell, ",") for cell in line.cells) > 1 for line in lines):  # which no message tells
-        problems.append(f"{path.name}: no row has two numbers, so it is no record. {HEADS}")
+        problems.append(f"{path.name}: no row has two numbers, so it is not a record. {HEADS}")
         return nothing
     return _of_lines(path.name, from_heads(lines, how.decimal), how, problems)
 
@@ -251,7 +251,7 @@ def _numbers(file: str, column: str, cells: list[tuple[int, str]], decimal: str,
         remedy = "With decimal commas, add `--decimal ,`"
     problems += [f"{file}, {place}, a finite number is expected. {remedy}." for place in wrong[:SHOWN]]
     if len(wrong) > SHOWN:
-        problems.append(f"{file}: `{column}` is no finite number in {len(wrong) - SHOWN} more rows.")
+        problems.append(f"{file}: `{column}` is not a finite number in {len(wrong) - SHOWN} more rows.")
     return values
 
 

@@ -101,7 +101,7 @@ def doubt_resistance(resistance: float, believed: float | None) -> list[str]:
         f"`coil.resistance` is {quantity(resistance, 'Ohm')} by (23), {100.0 * change:+.0f} % from the"
         f" {quantity(believed, 'Ohm')} of `--parameters`. In copper that would be {change / COPPER:+.0f} K:"
         " the recorded voltage is not the coil's (PWM sampled in step with it, a command), or the scale of a signal is"
-        " wrong, and turns, stiffness, damping and mass are wrong with it. Where it is right, correct it there."
+        " wrong, and so are turns, stiffness, damping and mass. If the value is right, correct it in that file."
     ]
 
 

@@ -17,8 +17,9 @@ from gapsense.actuators import solenoid_valve
 from gapsense.actuators.magnetics import SATURATED
 from gapsense.actuators.solenoid_valve import Inputs
 from gapsense.estimators.core_losses import SHORTER, SHORTEST, Acting, Losses, advanced, lossy, share
+from gapsense.kernels.elementary import exp
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import exp, fabs, square, where
+from gapsense.kernels.trace import fabs, square, where
 
 SLOW = 1e-4  # part of a time constant up to which a mean is that of the ends
 TINY = 1e-9  # flux linkage, relative to saturation, that is none

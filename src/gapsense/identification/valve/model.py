@@ -348,8 +348,8 @@ def check_guess(known: Parameters, records: Sequence[Record], period: float | No
         if not 1.0 / FARTHEST < found / guessed < FARTHEST:
             problems.append(
                 f"{record.name}: its inductance is about {quantity(found, 'H')}, that of the first guess"
-                f" {quantity(guessed, 'H')}: it is another device, which no search from there finds. Give a guess with"
-                " `--parameters`, `coil.turns` and `core.reluctance` above all, or see what `gapsense inspect` tells."
+                f" {quantity(guessed, 'H')}: it is another device, too far for the search. Give a guess with"
+                " `--parameters`, `coil.turns` and `core.reluctance` above all, or see what `gapsense inspect` says."
             )
     if problems:
         raise InputError(problems)

@@ -199,7 +199,7 @@ def assumed_table(result: Identified) -> list[Table | str]:
         for name, field in names.items()
     ]
     heads = ("parameter", "assumed", "standard error")
-    return [table("Assumed, neither given nor told by the records", heads, rows), *meanings(names)]
+    return [table("Assumed, neither given nor found in the records", heads, rows), *meanings(names)]
 
 
 def parameters(result: Identified) -> Table:
@@ -287,7 +287,9 @@ def remarks(result: Identified) -> list[str]:
         )
     for name in result.held:
         value = quantity(found(result, name), PORTS[name].unit)
-        said.append(f"`{PORTS[name].name}` is not identified: these records do not tell it. It is held at {value}.")
+        said.append(
+            f"`{PORTS[name].name}` is not identified: these records do not determine it. It is held at {value}."
+        )
     for name in result.poor:
         error = 100.0 * float(result.uncertainty.relative[result.names.index(name)])
         said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")
@@ -307,4 +309,4 @@ def explanations(result: Identified) -> list[str]:
     ]
     if result.is_explained or not found:
         return []
-    return [f"What would explain most of it, beside other values of the parameters: {', or '.join(found)}."]
+    return [f"Most likely causes, apart from other values of the parameters: {', or '.join(found)}."]

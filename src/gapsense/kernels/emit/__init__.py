@@ -1,6 +1,6 @@
 """Print a traced graph: scalar Python (stdlib only), numpy code or C over many runs, C99 in double or float."""
 
-from gapsense.kernels.emit.c import LOCATE, WHOLE_NUMBER, WITHIN, C
+from gapsense.kernels.emit.c import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, C, Typed, number, same
 from gapsense.kernels.emit.lanes import Lanes
 from gapsense.kernels.emit.needed import needed
 from gapsense.kernels.emit.printer import Graph, indexing
@@ -8,7 +8,9 @@ from gapsense.kernels.emit.python import Numpy, Python, compiled, namespace
 from gapsense.kernels.emit.split import HARMLESS_IN_C, split
 
 __all__ = [
+    "AS_WRITTEN",
     "HARMLESS_IN_C",
+    "INCLUDES",
     "LOCATE",
     "WHOLE_NUMBER",
     "WITHIN",
@@ -17,9 +19,12 @@ __all__ = [
     "Lanes",
     "Numpy",
     "Python",
+    "Typed",
     "compiled",
     "indexing",
     "namespace",
     "needed",
+    "number",
+    "same",
     "split",
 ]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import count
 from typing import Any
 
-from gapsense.kernels.emit.printer import Graph, Loop, Printer
+from gapsense.kernels.elementary import DOUBLE, FLOAT, FORMULAS, Format
+from gapsense.kernels.emit.printer import Graph, Loop, Printer, elementary
 from gapsense.kernels.layout import ARRAYS, fields, names
-from gapsense.kernels.trace import BOOLEAN, Expr, Region, memory_of
+from gapsense.kernels.trace import BOOLEAN, UNARY, Expr, Region, memory_of
 
 WHOLE = (*BOOLEAN, "locate")  # operations that give whole numbers
 LOCATE = """static inline int locate(const {real} *table, int size, {real} x)
@@ -21,6 +23,21 @@ LOCATE = """static inline int locate(const {real} *table, int size, {real} x)
     low -= 1;
     return low < 0 ? 0 : low > size - 2 ? size - 2 : low;
 }
+"""
+LARGEST, LEAST = 3.4028234e38, 1.5e-45  # of float
+# A number is a sign, an exponent with a bias, and a mantissa without its first digit.  A whole number stands in the
+# last bits of its sum with 1.5 2^{digits}.
+BITS = """static inline {word} bits_of({real} x) {{ {word} bits; memcpy(&bits, &x, sizeof x); return bits; }}
+static inline {real} of_bits({word} bits) {{ {real} x; memcpy(&x, &bits, sizeof x); return x; }}
+static inline {real} scaled({real} x, {real} n) {{ return x * of_bits(bits_of(n + {rounder}) << {digits}); }}
+static inline {real} exponent({real} x) {{ return of_bits((bits_of(x) >> {digits}) | bits_of({large})) - {start}; }}
+static inline {real} mantissa({real} x) {{ return of_bits((bits_of(x) << {rest} >> {rest}) | bits_of({one})); }}
+"""
+FORMATS = {"double": (64, 52, 1023, DOUBLE), "float": (32, 23, 127, FLOAT)}  # bits, those of a mantissa, bias
+INCLUDES = "#include <math.h>\n#include <stdint.h>\n#include <string.h>\n"
+AS_WRITTEN = """#if !defined(__GNUC__) || defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#endif
 """
 # Array memory is reached through these: no number, whoever restored it, reads or writes anything else.
 WHOLE_NUMBER = """static inline int whole({real} x) { return x >= 0 && x < 1000000000 ? (int)x : -1; }
@@ -38,6 +55,9 @@ class C(Printer):
     whole_operations: tuple[str, ...] = WHOLE
     forms = Printer.forms | {
         "unary": "F({op})({b[0]})",
+        "scaled": "scaled({b[0]}, {b[1]})",
+        **{name: f"{name}({{b[0]}})" for name in ("exponent", "mantissa")},
+        **{name: f"same_{name}({{b[0]}})" for name in FORMULAS},
         "not": "(!{a[0]})",
         "and": "({a[0]} && {a[1]})",
         "or": "({a[0]} || {a[1]})",
@@ -45,11 +65,11 @@ class C(Printer):
         "locate": "locate({a[0]}, {a[0]}_size, {b[1]})",
         "whole": "whole({0})",
     }
-    head = """/* Build with -ffp-contract=off to get the bits of the Python code; and, where a loop starts from a
-   constant and calls exp, log, sin, cos or tanh, with -fno-builtin-exp and so on: folded at compile time, these are
-   rounded otherwise than by the library. */
-#include <math.h>
-#ifdef SINGLE
+    head = (
+        "/* Build with -ffp-contract=off and without -ffast-math to get the bits of the Python code. */\n"
+        + INCLUDES
+        + AS_WRITTEN
+        + """#ifdef SINGLE
 typedef float real;
 #define R(x) x##f
 #define F(name) name##f
@@ -59,7 +79,16 @@ typedef double real;
 #define F(name) name
 #endif
 
-""" + (LOCATE + WHOLE_NUMBER + WITHIN).replace("{real}", "real")
+"""
+        + (LOCATE + WHOLE_NUMBER + WITHIN).replace("{real}", "real")
+    )
+
+    @classmethod
+    def module(cls, *functions: str) -> str:
+        """Text of a file with some functions, and before them those of `elementary` that they call."""
+        single, double = (same(real, functions) for real in ("float", "double"))
+        own = [f"#ifdef SINGLE\n{single}#else\n{double}#endif\n"] if double else []
+        return "\n".join([cls.head, *own, *functions])
 
     def __init__(self, graph: Graph) -> None:
         super().__init__(graph)
@@ -176,3 +205,47 @@ typedef double real;
                 self.write(f"for (int k = 0; k < {len(entry)}; k++) memory[{next(arrays)}][k] = R(0.0);")
             elif memory_of(entry) is None:
                 self.write(f"{target}[{next(scalars)}] = {self.ref(entry)};")
+
+
+class Typed(C):
+    """C in float or double, without macros."""
+
+    def __init__(self, graph: Graph, real: str) -> None:
+        super().__init__(graph)
+        self.real = real
+
+    def form(self, op: str) -> str:
+        """What an operation looks like; those of the library end in `f` for float."""
+        ending = "f" if self.real == "float" else ""
+        return f"{op}{ending}({{b[0]}})" if op in UNARY and op not in self.forms else super().form(op)
+
+    def _number(self, value: Any) -> str:
+        """Text of a constant in the type; what is too large or too small for it is infinite or zero."""
+        return str(int(value)) if isinstance(value, bool) else number(value, self.real)
+
+
+def number(value: float, real: str) -> str:
+    """A constant of type `real`."""
+    if real == "float":
+        size = abs(value)
+        value = math.copysign(math.inf, value) if size > LARGEST else 0.0 if size < LEAST else value
+    if math.isfinite(value):
+        return f"{float(value)!r}{'f' if real == 'float' else ''}"
+    text = f"({real})NAN" if math.isnan(value) else "HUGE_VALF" if real == "float" else "HUGE_VAL"
+    return f"(-{text})" if value < 0.0 else text
+
+
+def same(real: str, functions: Iterable[str]) -> str:
+    """C of those functions of `elementary` that some functions call, in float or double."""
+    called = [name for name in FORMULAS if any(f"same_{name}(" in text for text in functions)]
+    size, digits, bias, form = FORMATS[real]
+    powers = {"one": 1.0, "large": 2.0**digits, "start": 2.0**digits + bias, "rounder": form.rounder + bias}
+    numbers = {name: number(power, real) for name, power in powers.items()}
+    bits = BITS.format(real=real, word=f"uint{size}_t", digits=digits, rest=size - digits, **numbers)
+    texts = ["\n".join(_definition(name, real, form)) for name in called]
+    return "\n".join([bits, *texts, ""]) if called else ""
+
+
+def _definition(name: str, real: str, form: Format) -> list[str]:
+    body = Typed(elementary(name, form), real).definition()
+    return [f"static inline {real} same_{name}({real} x)", "{", *body, "}", ""]

@@ -7,11 +7,13 @@ models that differ in nothing else share one compiled function.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from itertools import count
 from typing import Any
 
+from gapsense.kernels.elementary import FORMULAS
 from gapsense.kernels.emit.c import C
-from gapsense.kernels.emit.printer import Graph, Loop, Printer
+from gapsense.kernels.emit.printer import Graph, Loop, Printer, elementary
 from gapsense.kernels.layout import ARRAYS, names
 from gapsense.kernels.trace import BOOLEAN, Expr, Region, memory_of
 
@@ -147,6 +149,21 @@ class Lanes(C):
             self.write(f"v[at[{place}]] = choose({self.ref(entry)}, every(1.0), every(0.0));")
         else:
             self.write(f"v[at[{place}]] = {self.bare(entry)};")
+
+
+class Common(Lanes):
+    """C of what is the same whatever the model: its numbers are in the text."""
+
+    def _number(self, value: Any) -> str:
+        return super()._number(value) if isinstance(value, bool) else f"every({LITERALS.get(repr(value), repr(value))})"
+
+
+def same_over_runs(functions: Iterable[str]) -> Iterator[str]:
+    """Those functions of `elementary` that some functions call."""
+    for name in FORMULAS:
+        if any(f"same_{name}(" in text for text in functions):
+            body = Common(elementary(name)).definition()
+            yield "\n".join([f"CALLED V same_{name}(V x)", "{", "    const M taken = ALL;", *body, "}", ""])
 
 
 def is_array(entry: Any) -> bool:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar, NamedTuple
 
+from gapsense.kernels.elementary import DOUBLE, FORMULAS, Format
 from gapsense.kernels.layout import names
 from gapsense.kernels.trace import UNARY, Expr, Region, Tape, TraceError, memory_of
 
@@ -48,6 +49,19 @@ def operands(node: Expr, region: Region) -> Iterator[tuple[Any, Region]]:
 def regions(node: Expr) -> tuple[Region, ...]:
     """The branches or the loop body that a node holds."""
     return node.extra[:2] if node.op == "if" else node.extra[:1] if node.op == "loop" else ()
+
+
+class Number(NamedTuple):
+    """What a function of `elementary` takes and gives."""
+
+    x: Any
+
+
+def elementary(name: str, form: Format = DOUBLE) -> Graph:
+    """Graph of exp, log or tanh."""
+    tape = Tape()
+    x = tape.node("in", (), "scalar")
+    return Graph(name, tape, [("", Number, [x])], [(Number, [FORMULAS[name](x, form)])])
 
 
 def _bare(text: str) -> str:
@@ -291,6 +305,14 @@ class Printer(ABC):
         name = self.fresh()
         self.write(f"{name} = {text}")
         return name
+
+    def definition(self) -> list[str]:
+        """Lines of a function of one number, `x`."""
+        (x,), (result,) = self.graph.arguments[0][2], self.graph.results[0][1]
+        self.text[x.id] = "x"
+        self.region(self.graph.tape.root)
+        self.write(f"return {self.bare(result)}{self.end}")
+        return self.lines
 
     @abstractmethod
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:

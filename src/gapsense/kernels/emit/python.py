@@ -6,7 +6,8 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
-from gapsense.kernels.emit.printer import Graph, Loop, Printer, operands, regions
+from gapsense.kernels.elementary import FORMULAS
+from gapsense.kernels.emit.printer import Graph, Loop, Printer, elementary, operands, regions
 from gapsense.kernels.layout import names
 from gapsense.kernels.trace import Expr, Region
 
@@ -164,11 +165,14 @@ class Python(Choosing):
     """Scalar Python that needs the standard library only."""
 
     head = """from bisect import bisect_left
-from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
+from math import floor, frexp, inf, ldexp, nan, sqrt
 """
     forms = Printer.forms | {
         "fabs": "abs({b[0]})",
         "floor": "float(floor({b[0]}))",
+        "exponent": "(frexp({b[0]})[1] - 1)",
+        "mantissa": "(2.0 * frexp({b[0]})[0])",
+        "scaled": "ldexp({b[0]}, int({b[1]}))",
         "not": "(not {a[0]})",
         "where": "({a[1]} if {b[0]} else {a[2]})",
         "locate": "(bisect_left({a[0]}, {b[1]}, 1, len({a[0]}) - 1) - 1)",
@@ -179,6 +183,13 @@ from math import cos, exp, floor, inf, log, nan, sin, sqrt, tanh
     def __init__(self, graph: Graph) -> None:
         super().__init__(graph)
         self.limits: set[int] = set()  # of loops; to make a range takes longer than a round
+
+    @classmethod
+    def module(cls, *functions: str) -> str:
+        """Text of a module with some functions, and before them those of `elementary` that they call."""
+        called = [name for name in FORMULAS if any(re.search(rf"\b{name}\(", text) for text in functions)]
+        own = ["\n".join([f"def {n}(x):", *renamed(cls(elementary(n)).definition()), ""]) for n in called]
+        return "\n\n".join([cls.head, *own, *functions])
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         names, chosen, others = self.gathered(c)
@@ -239,8 +250,7 @@ class Numpy(Python):
     head = """from numpy import all as all_
 from numpy import any as any_
 from numpy import (
-    arange, asarray, clip, cos, exp, fabs, floor, inf, log, logical_not, nan, searchsorted, sin, sqrt, tanh, where,
-    zeros,
+    arange, asarray, clip, fabs, floor, frexp, inf, ldexp, logical_not, nan, searchsorted, sqrt, where, zeros,
 )
 
 
@@ -253,6 +263,9 @@ def row(array, index):
     return clip(index, 0, len(array) - 1)
 """
     forms = Printer.forms | {
+        "exponent": "(frexp({b[0]})[1] - 1.0)",
+        "mantissa": "(2.0 * frexp({b[0]})[0])",
+        "scaled": "ldexp({b[0]}, asarray({b[1]}).astype(int))",
         "not": "logical_not({b[0]})",
         "and": "({a[0]} & {a[1]})",
         "or": "({a[0]} | {a[1]})",
@@ -337,7 +350,7 @@ def namespace(source: str, name: str) -> dict[str, Any]:
 
 def compiled(graph: Graph, language: type[Python] = Python) -> Callable[..., Any]:
     """The function of a graph, on flat tuples, as scalar Python or as numpy code."""
-    source = f"{language.head}\n\n{language(graph).source()}"
+    source = language.module(language(graph).source())
     function: Callable[..., Any] = namespace(source, f"{graph.name}, generated")[graph.name]
     return function
 

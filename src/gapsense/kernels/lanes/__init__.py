@@ -1,7 +1,7 @@
 """Functions and kernels over many runs at once: in C where there is a compiler, by numpy where there is none.
 
-In C a run has the bits that it has alone in scalar Python: they do not depend on the other runs, nor on the processor's
-vectors.  Those of numpy may differ where there are logarithms, by their last bit.
+A run has the bits that it has alone in scalar Python: they do not depend on the other runs, nor on the processor's
+vectors.
 """
 
 from gapsense.kernels.lanes.code import Code, Row

@@ -1,8 +1,7 @@
 /* W runs at once: a vector of doubles, and the operations of gapsense.kernels.emit.lanes on it.
 
    A vector is as wide as the registers of the processor that this is compiled for. All operations give each run the
-   bits that C gives for one double: what the compiler has no vector operation for is done run by run, by the same
-   library of mathematics. */
+   bits that C gives for one double. */
 #include <math.h>
 #include <stddef.h>
 #if defined(__AVX__)
@@ -57,23 +56,20 @@ SMALL int any(M c)
 #endif
 }
 
-#define ONE_BY_ONE(kind, name, together)               \
-    kind V each_##name(V x)                            \
+#define ONE_BY_ONE(name)                               \
+    SMALL V each_##name(V x)                           \
     {                                                  \
         V y;                                           \
-        if (together) return every(name(x[0]));        \
         for (int i = 0; i < W; i++) y[i] = name(x[i]); \
         return y;                                      \
     }
-/* Whether all runs have the same number, as they have at rest: one call then does for all. */
-#define SAME !any((M)x != (M)every(x[0]))
-ONE_BY_ONE(SMALL, sqrt, 0)
-ONE_BY_ONE(SMALL, floor, 0)
-ONE_BY_ONE(CALLED, exp, SAME)
-ONE_BY_ONE(CALLED, log, SAME)
-ONE_BY_ONE(CALLED, sin, SAME)
-ONE_BY_ONE(CALLED, cos, SAME)
-ONE_BY_ONE(CALLED, tanh, SAME)
+ONE_BY_ONE(sqrt)
+ONE_BY_ONE(floor)
+
+/* As gapsense.kernels.emit.c has them for one double. */
+SMALL V scaled(V x, V n) { return x * (V)((M)(n + (0x1.8p52 + 1023.0)) << 52); }
+SMALL V exponent(V x) { return (V)((M)x >> 52 | (M)every(0x1p52)) - (0x1p52 + 1023.0); }
+SMALL V mantissa(V x) { return (V)(((M)x & 0x000fffffffffffff) | (M)every(1.0)); }
 
 /* Number `row` of a run; one that does not exist, asked for by a run that does not take this branch, is the nearest. */
 SMALL double *number(const Column *c, ptrdiff_t row, int i, const Block *block)

@@ -24,11 +24,12 @@ from functools import cache
 from pathlib import Path
 
 from gapsense._os.locks import CACHE, FACTS, cache_folder, temporary_folder
-from gapsense._os.native import NO_FOLDING, NativeError, own_compiler
+from gapsense._os.native import NativeError, own_compiler
+from gapsense.kernels.emit.lanes import same_over_runs
 from gapsense.kernels.lanes.code import Code
 
 HERE = Path(__file__).resolve().parent
-FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", *NO_FOLDING, "-w")
+FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", "-w")
 FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compiler knows
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
 PREFIX = "lanes-"  # of all that is ours in the cache
@@ -36,8 +37,8 @@ ENDING = ".dll" if sys.platform == "win32" else ".so"
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
-ELSEWHERE = f"Nothing is kept there; each process compiles anew. `{CACHE}` can name another folder."
-INSTEAD = "Python computes instead, several times slower; the logarithms of numpy may differ in the last bit."
+ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` can name another folder."
+INSTEAD = "Python computes instead, several times slower, with the same bits."
 
 
 def source(codes: Sequence[Code]) -> str:
@@ -45,7 +46,7 @@ def source(codes: Sequence[Code]) -> str:
     head, tail = ((HERE / name).read_text(encoding="utf-8") for name in ("lanes.h", "run.c"))
     names = [f"f{k}" for k in range(len(codes))]
     functions = [code.c.text.replace("void NAME(", f"void {name}(", 1) for name, code in zip(names, codes)]
-    return "\n".join([head, *functions, f"#define FUNCTIONS {', '.join(names)}", tail])
+    return "\n".join([head, *same_over_runs(functions), *functions, f"#define FUNCTIONS {', '.join(names)}", tail])
 
 
 @cache
@@ -68,7 +69,7 @@ def built(text: str) -> Path:
     """File of the library; where the cache cannot be written it is for this process only."""
     compiler = own_compiler()
     if not compiler:
-        raise NativeError("No C compiler is found: neither what `CC` names, nor `cc`, `gcc` or `clang`.")
+        raise NativeError("No C compiler is found, neither the one that `CC` names nor `cc`, `gcc` or `clang`.")
     flags, about = tuned(compiler)
     digest = hashlib.sha256("\0".join([text, *compiler, *flags, about]).encode()).hexdigest()
     with suppress(OSError):
@@ -86,7 +87,7 @@ def tuned(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
     for more in FOR_THIS:
         with suppress(NativeError):
             return (*FLAGS, *more), run((*compiler, *FLAGS, *more, "-dM", "-E", "-x", "c", os.devnull))
-    raise NativeError(f"`{' '.join(compiler)}` is no compiler like gcc.")
+    raise NativeError(f"`{' '.join(compiler)}` is not a compiler like gcc.")
 
 
 def distrusted(folder: Path) -> str:
@@ -106,7 +107,7 @@ def distrusted(folder: Path) -> str:
     for parent in real.parents:
         mode = parent.stat().st_mode
         if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
-            return f"`{folder}` is in `{parent}`, which everybody can write."
+            return f"`{folder}` is in `{parent}`, to which everybody can write."
     with suppress(OSError):
         if all(entry.name.startswith((PREFIX, FACTS)) for entry in real.iterdir()):
             real.chmod(PRIVATE)
@@ -134,7 +135,7 @@ def content_of(file: Path) -> bytes:
     if not stat.S_ISREG(found.st_mode):
         return b""
     if os.name == "posix" and (found.st_uid not in trusted() or found.st_mode & OTHERS_WRITE):
-        _tell(f"`{file}` is of other users, or they can write it: it is not loaded, but compiled anew.")
+        _tell(f"`{file}` belongs to other users or can be written by them, so it is not loaded but compiled again.")
         return b""
     return file.read_bytes()
 

@@ -132,7 +132,9 @@ def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
         expected = " or ".join(map(str, shapes))
         raise ValueError(f"column `{name}` has the shape {array.shape}, {expected} expected. Correct it.")
     if size is Array.MEMORY and array is not value:
-        raise ValueError(f"column `{name}` is no array of doubles, and memory changes where it is. Give one.")
+        raise ValueError(
+            f"column `{name}` is not an array of doubles, and memory is changed in place. Give such an array."
+        )
     return array
 
 

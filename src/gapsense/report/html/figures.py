@@ -71,7 +71,7 @@ def empty(axes: Axes, height: int) -> Any:
 
 def blank(height: int, tools: list[Any], unit: str = "", **more: Any) -> Any:
     """A figure without curves, with tools of which the first one answers to dragging."""
-    clear = dict.fromkeys(("background_fill_color", "border_fill_color", "outline_line_color"))
+    clear: dict[str, Any] = dict.fromkeys(("background_fill_color", "border_fill_color", "outline_line_color"))
     made: Any = figure(
         height=height,
         sizing_mode="stretch_width",

@@ -30,7 +30,7 @@ FEW = 500  # points, which are drawn strongly
 PANELS = 64  # on a page
 METRICS = 16  # that are drawn
 HEIGHT = 230  # [pixels]
-MEDIAN, BOUNDS, RANGE = Entry("", "median", style.INK), Entry("", "bounds", style.FAIL), "median and 5 to 95 %"
+MEDIAN, BOUNDS, RANGE = Entry("", "median", style.INK), Entry("", "bounds", style.BOUND), "median and 5 to 95 %"
 BLUE = (58, 143, 208)  # seen on light and on dark ground
 FAINTEST = 60  # of 255, where a single run lies
 LONG_NAME, SLOPE = 5, 0.6  # characters of values that stand upright below an axis, and the slope of longer ones [rad]
@@ -75,11 +75,11 @@ def verdict(many: Many) -> Verdict:
     of = many.campaign
     missing, sentences = of.runs - of.rows, []
     if missing > 0:
-        sentences.append(f"{missing} of {of.runs} runs are missing: the same command goes on.")
+        sentences.append(f"{missing} of {of.runs} runs are missing: run the same command to continue.")
     if of.failed:
         sentences.append(f"{number_of(of.failed, 'run')} failed.")
     if not sentences:
-        sentences.append(f"All {of.runs} runs are there, none failed.")
+        sentences.append(f"All {of.runs} runs are complete, none failed.")
     words = ("complete", "incomplete")
     return Verdict(missing <= 0 and not of.failed, (*sentences, *of_bounds(many)), words)
 
@@ -189,7 +189,7 @@ def panels(many: Many) -> Panels:
     chosen = {name: ordered(many, name, factors)[:room] for name in known if name in metrics}
     words = f"{len(metrics)} of {len(many.extremes)} metrics are drawn"
     if len(factors) > room:
-        return Panels(chosen, f"{words}, each over the {room} of {len(factors)} parameters that it goes with most. ")
+        return Panels(chosen, f"{words}, each over the {room} of {len(factors)} parameters that it depends on most. ")
     return Panels(chosen, f"{words}. " if len(metrics) < len(many.extremes) else "")
 
 
@@ -344,7 +344,7 @@ def drawn(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
 def hint(is_counted: bool) -> str:
     """What the plots show and how they are read."""
     bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
-    axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost thousandths; tables do not."
+    axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost 0.1 %; tables do not."
     if is_counted:
         return f"Stronger where more runs lie. {bars}{axes}"
     return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"

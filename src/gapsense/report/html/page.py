@@ -56,7 +56,7 @@ def write_report(results: Sequence[str | Path], to: str | Path) -> Path:
 def report(results: Sequence[Path]) -> str:
     """The page on some results, as HTML."""
     if not results:
-        raise InputError(["there is nothing to report on. Name the CSV files of some results."])
+        raise InputError(["there is nothing to report on. Name CSV files of results."])
     shown = read_all(results)
     try:
         import bokeh  # noqa: F401  # which is optional, and brings jinja2

@@ -268,7 +268,7 @@ def errors(result: Result, of: Panel, compared: list[Metric]) -> Panel:
     """Estimates minus their references."""
     drawn = tuple(curves.error(result, pair) for pair in compared)
     told = dict.fromkeys(f"{p.reference}{', by its name' if p.name == GUESSED else ''}" for p in compared)
-    note = f"estimate less {', '.join(told)}"
+    note = f"estimate minus {', '.join(told)}"
     return Panel(f"error of the {of.title}", of.unit, drawn, is_error=True, note=note)
 
 

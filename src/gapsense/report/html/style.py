@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-INK, GRID, FAIL = "#1b1f24", "#d9dee4", "#b3261e"
+INK, GRID, FAIL, BOUND = "#1b1f24", "#d9dee4", "#b3261e", "#8f6a00"
 DARK = {  # of each colour on light ground
     INK: "#e8ebef",
     GRID: "#3a414a",

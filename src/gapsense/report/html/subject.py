@@ -84,21 +84,27 @@ def no_result(file: Path) -> str:
     """Sentence on a folder that is no campaign, with what to do."""
     if not file.is_dir() or is_many(file):
         return ""
-    return f"`{file}`: it is no result. Name the CSV file of a run or of a sweep, or the folder of a campaign."
+    return f"`{file}`: it is not a result. Name the CSV file of a run or of a sweep, or the folder of a campaign."
 
 
 def scenario_of(result: Result) -> tuple[Scenario | None, str]:
     """The scenario that ran, or why it is not to be had: its metrics tell what is compared, its baseline the tubes."""
     run = result.run
     if not run.source or not Path(run.source).is_file():
-        return None, "The scenario's file is not where it was: no baseline, and what is compared is guessed by names."
+        return (
+            None,
+            "The scenario's file is not where it was: there is no baseline, and signals are paired by their names.",
+        )
     try:
         scenario = load(run.source, run.variant)
     except (InputError, OSError):
-        return None, "The scenario cannot be read any more: no baseline, and what is compared is guessed by names."
+        return None, "The scenario can no longer be read: there is no baseline, and signals are paired by their names."
     now = {**Subject(scenario, {}).hashes(), **{name: run.files[name] for name in (CHANGED,) if name in run.files}}
     if now != dict(run.files):
-        return None, "The scenario has changed since it ran: no baseline, and what is compared is guessed by names."
+        return (
+            None,
+            "The scenario has changed since it ran: there is no baseline, and signals are paired by their names.",
+        )
     return scenario, ""
 
 

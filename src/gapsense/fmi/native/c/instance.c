@@ -101,6 +101,10 @@ Instance *instance_new(const char *name, const char *guid, const char *location,
         say_to(tell, host, name, SAY_WRONG_GUID, guid ? guid : "", model.guid);
         return NULL;
     }
+    if (!kernel_is_exact()) {
+        say_to(tell, host, name, SAY_NOT_EXACT);
+        return NULL;
+    }
     Instance *i = calloc(1, sizeof *i);
     if (!i || !fill(i, name, location)) {
         say_to(tell, host, name, SAY_NO_MEMORY);

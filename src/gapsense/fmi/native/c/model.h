@@ -87,4 +87,6 @@ typedef struct {
 
 extern const Model model;
 
+int kernel_is_exact(void);
+
 #endif

@@ -1,0 +1,70 @@
+"""Components as C in double give the bits of the Python kernel on every processor, with every way of optimising."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from board import BOARDS, build, missing_tools, run
+from host import expected, read
+from test_export import FOLDERS, same
+
+from gapsense._os.native import zig_version
+from gapsense.embedded.design import designed
+from gapsense.embedded.export import export
+
+ZIG = (sys.executable, "-m", "ziglang", "cc", "-std=c99", "-ffp-contract=off", "-target")
+HERE = Path(__file__).parent
+
+
+class Machine(NamedTuple):
+    """How a program for another machine is compiled, and run here."""
+
+    compiler: tuple[str, ...]
+    runner: tuple[str, ...]
+
+
+MACHINES = {
+    "arm32": Machine((*ZIG, "arm-linux-musleabihf", "-O2", "-static"), ("qemu-arm-static",)),
+    "wasm32": Machine((*ZIG, "wasm32-wasi", "-O2"), ("node", "--no-warnings", str(HERE / "wasi.mjs"))),
+    "windows": Machine((*ZIG, "x86_64-windows-gnu", "-O2"), ("wine",)),
+    "x86 with FMA": Machine(("gcc", "-std=c99", "-ffp-contract=off", "-O3", "-march=haswell", "-static"), ()),
+}
+QUICK = ("x86 with FMA", "reluctance_actuator")  # it calls all functions; Zig makes C libraries first, for minutes
+CASES = [
+    pytest.param(*case, marks=() if case == QUICK else pytest.mark.slow)
+    for case in itertools.product(MACHINES, FOLDERS)
+]
+
+
+@pytest.mark.parametrize(("machine", "name"), CASES)
+def test_double_has_the_same_bits_on_other_machines(machine: str, name: str, tmp_path: Path) -> None:
+    compiler, runner = MACHINES[machine]
+    if runner and not shutil.which(runner[0]):
+        pytest.skip(f"no {runner[0]}, which runs programs for {machine}")
+    if compiler[0] == sys.executable and not zig_version():
+        pytest.skip("no ziglang, which compiles for other machines")
+    design = designed(FOLDERS[name], "double")
+    export([design], tmp_path)
+    program = tmp_path / f"{name}.exe"
+    files = [str(tmp_path / f"{design.name}{ending}.c") for ending in ("", "_main")]
+    subprocess.run([*compiler, *files, "-lm", "-o", str(program)], check=True, capture_output=True)
+    done = subprocess.run([*runner, str(program)], check=True, capture_output=True, text=True)
+    assert same(read(design, done.stdout), expected(design))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("board", BOARDS)
+@pytest.mark.parametrize("name", FOLDERS)
+def test_double_has_the_same_bits_on_microcontrollers(name: str, board: str, tmp_path: Path) -> None:
+    if missing := missing_tools():
+        pytest.skip(f"no {' and no '.join(missing)}")
+    design = designed(FOLDERS[name], "double")
+    export([design], tmp_path)
+    program = build(design, tmp_path, BOARDS[board], "-Os", tmp_path / f"{design.name}_main.c")
+    assert same(read(design, run(program, BOARDS[board])), expected(design))
