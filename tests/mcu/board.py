@@ -39,6 +39,7 @@ class Cost(NamedTuple):
     """What a component takes on a board, and the largest error and value of every output."""
 
     mean: float  # instructions per step
+    median: float
     most: float
     flash: int  # bytes, with what it needs of the libraries
     memory: int  # bytes of constants, state, inputs and outputs
@@ -60,7 +61,15 @@ def cost(design: Design, rows: Sequence[Sequence[float]], board: str, folder: Pa
     found = {line[0]: float(line[1]) for line in lines if len(line) == 2}
     errors = {line[1]: (float(line[2]), float(line[3])) for line in lines if line[0] == "output"}
     flash = _flash(design, folder, BOARDS[board], optimise)
-    return Cost(found["mean"], found["most"], flash, int(found["memory"]), int(found["stack"]), errors)
+    return Cost(
+        mean=found["mean"],
+        median=found["median"],
+        most=found["most"],
+        flash=flash,
+        memory=int(found["memory"]),
+        stack=int(found["stack"]),
+        errors=errors,
+    )
 
 
 def build(

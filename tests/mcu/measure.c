@@ -2,6 +2,7 @@
    `data.h` is made by board.py: the component's calls, its record, and what double gives on the same inputs. */
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "data.h"
 
@@ -83,6 +84,12 @@ static void run(void)
     }
 }
 
+static int by_size(const void *a, const void *b)
+{
+    const uint32_t x = *(const uint32_t *)a, y = *(const uint32_t *)b;
+    return (x > y) - (x < y);
+}
+
 int main(void)
 {
     double per, sum = 0.0, most = 0.0, empty;
@@ -101,6 +108,8 @@ int main(void)
         sum += count;
         if (count > most) most = count;
     }
+    qsort(ticks + 1, ROUNDS, sizeof ticks[0], by_size);
+    printf("median %.1f\n", ((double)ticks[1 + ROUNDS / 2] - empty) / per);
     printf("mean %.1f\nmost %.1f\nmemory %u\n", sum / ROUNDS, most, (unsigned)MEMORY);
     for (int k = 0; k < OUTPUTS; k++) printf("output %s %.9g %.9g\n", NAMES[k], worst[k], largest[k]);
     return 0;

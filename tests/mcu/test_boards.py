@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from board import BOARDS, Cost, build, missing_tools, run
+from board import BOARDS, Cost, build, cost, expected, missing_tools, run
 from costs import BEGIN, END, FOUR, PAGE, ROWS, Row, design_of, line, measured
 from host import ROOT, played
+from servo import served
 
 from gapsense.embedded.design import designed
 from gapsense.embedded.export import memory
@@ -57,14 +59,14 @@ def numbers(text: str) -> list[float]:
 
 def test_readme_tells_the_memory(found: tuple[Row, dict[str, Cost]]) -> None:
     row, costs = found
-    assert {cost.memory for cost in costs.values()} == {memory(design_of(row))}
+    assert {one.memory for one in costs.values()} == {memory(design_of(row))}
 
 
 def test_float_is_near_double(found: tuple[Row, dict[str, Cost]]) -> None:
     row, costs = found
-    for cost in costs.values():
-        error, largest = cost.errors[row.watched]
-        assert error <= 1e-3 * largest, cost.errors
+    for one in costs.values():
+        error, largest = one.errors[row.watched]
+        assert error <= 1e-3 * largest, one.errors
 
 
 def test_semera_keeps_within_its_aim(found: tuple[Row, dict[str, Cost]]) -> None:
@@ -72,3 +74,18 @@ def test_semera_keeps_within_its_aim(found: tuple[Row, dict[str, Cost]]) -> None
     if row.part != "semera" or row.outputs != FOUR or not row.is_baked:
         pytest.skip("the aim is for another row")
     assert all(costs[board].mean < aim for board, aim in AIMS[row.is_lean].items()), costs
+
+
+def test_no_step_of_mhe_is_long_while_it_follows_a_servo(tmp_path: Path) -> None:
+    """Not beyond five medians: neither where it begins to follow, nor where it learns from operations again."""
+    design, (plant, first, last) = design_of(next(row for row in ROWS if row.part == "mhe")), served("steps")
+    kept = np.r_[0:2050, first : first + 2500, last : last + 1050]  # two cycles, the servo, another cycle
+    noise = np.random.default_rng(7).standard_normal((2, kept.size))
+    measured = (plant.voltage[kept] + 30e-3 * noise[0], plant.current[kept] + 2e-3 * noise[1])
+    rows = np.transpose([20e-6 * np.arange(kept.size), *measured, np.zeros(kept.size)])
+    rows = rows.astype(np.float32).astype(float).tolist()
+    position = np.array(expected(design, rows))[:, [*design.kept["outputs"]].index("position")]
+    error = (position - plant.position[kept])[2550:4550]
+    assert np.sqrt(np.mean(error**2)) < 60e-6  # 500 um where it does not follow
+    found = cost(design, rows, "Cortex-M4F", tmp_path)
+    assert found.most <= 5.0 * found.median, found

@@ -41,6 +41,7 @@ def main(result: str, picture: str) -> None:
         file = write_report([result], Path(folder, "report.html"))
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1000, "height": 500 if is_many else 800})
+        page.set_default_timeout(300_000)  # ms
         page.goto(file.as_uri())
         page.wait_for_selector("html[data-drawn]")
         page.evaluate(OF_MANY if is_many else OF_ONE, SHOWN)

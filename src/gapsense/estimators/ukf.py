@@ -35,7 +35,7 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
-from gapsense.estimators.watch import UNKNOWN, Limits, Usual, compared, is_far
+from gapsense.estimators.watch import Limits, Usual, compared, is_far, unknown
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import output, ports, same
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
@@ -120,7 +120,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     (voltage, _), is_whole = _read(inputs, 0.0, par)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis=0.0, usual=UNKNOWN)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis=0.0, usual=unknown())
     return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import mean, normalised, surprise
-from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import clip, fabs, not_, sqrt, square, where
+from gapsense.kernels.layout import Array, Count, Memory, Scalar, zeros
+from gapsense.kernels.trace import clip, cond, fabs, floor, load, loop, not_, sqrt, square, store, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
 FAR = 10.0  # deviations as which a larger innovation or current error counts, so that a burst is soon forgotten
@@ -16,9 +16,10 @@ WANDERING = 20e-3  # memory that a current error without end is judged by: an op
 OPERATIONS = 3.0  # takeoffs until a sign is forgotten: between them lie a motion to either stop
 EARLY = 0.18  # share of the stroke that may be left when the contact closes
 PULL = 0.5  # share of the spring's force with which a stop may seem to hold the mover back
-KNOWN = 8.0  # operations after which it is known how large innovations usually are
-FEW, FIRST_UNUSUAL = 5.0, 2.5  # operations after which so many times of it are another device
-UNUSUAL, SLACK = 1.3, 0.4  # so many times of it, once it is known, and so many deviations more
+FEW, KNOWN = 10.0, 20.0  # operations after which what is usual is used, and after which it is known
+FIRST_WIDER, WIDER = 3.0, 1.2  # how far a mean may be beyond the usual range, in this: before it is known, and then
+SLACK = 0.4  # and so many deviations more
+PARTS, PER_MEAN = 24, 3.0  # of an operation, and how many of them are as long as `Limits.samples`
 RISE, FALL = 0.2, 0.02  # share of an operation in what is usual, if it has more or less
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
 
@@ -64,26 +65,27 @@ START = Watch(1.0, *[0.0] * 9)
 
 
 class Usual(NamedTuple):
-    """How large the innovations are, and how large they usually are: a wrong model has them in each operation.
+    """How large the mean innovation usually is at each time of an operation: a wrong model has its own in each one.
 
-    An operation lasts until the mover leaves the other stop.
+    An operation lasts until the mover leaves the other stop, and consists of `PARTS`, the last of which does not end.
+    Memory has the largest mean of each part, then the largest of minus the mean, both plus `FAR`; 0: none yet.
     """
 
     surprise: Scalar  # mean of the squared normalised innovation [1]
     bias: Scalar  # mean of the normalised innovation over half as many samples [1]
-    above: Scalar  # largest bias in this operation
-    below: Scalar  # the same of minus the bias
-    down_above: Scalar  # what is usual from the upper stop on
-    down_below: Scalar
-    up_above: Scalar  # the same from the lower one on
-    up_below: Scalar
-    operations: Scalar  # from which these are
+    samples: Annotated[Scalar, Count]  # of this operation
+    operations: Annotated[Scalar, Count]  # from which it is known what is usual
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
     innovation: Scalar  # takeoffs until this sign is forgotten, as the following
     other: Scalar
+    seen: Annotated[Array, Memory(2 * PARTS)]  # in this operation
+    usual: Annotated[Array, Memory(4 * PARTS)]  # from the lower stop on, then from the upper one on
 
 
-UNKNOWN = Usual(1.0, *[0.0] * 11)
+def unknown() -> Usual:
+    """No operation so far."""
+    seen, usual = zeros(2 * PARTS), zeros(4 * PARTS)
+    return Usual(1.0, 0.0, samples=0.0, operations=0.0, left=0.0, innovation=0.0, other=0.0, seen=seen, usual=usual)
 
 
 def is_far(innovation: Scalar, std: Scalar, most: Scalar) -> Scalar:
@@ -140,40 +142,51 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
 
 def compared(before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, leaves: Scalar, limits: Limits) -> Usual:
     """One sample more.  What is usual is learnt from operations without a sign."""
-    seen = near(innovation, std)
-    surprised = where(is_used, surprise(before.surprise, seen, std, limits.samples), before.surprise)
-    biased = where(is_used, mean(before.bias, normalised(seen, std), 0.5 * limits.samples), before.bias)
-    is_over, is_known = is_takeoff(before.left, leaves), before.operations >= KNOWN
-    goes_down = before.left > 2.0
-    times = where(is_known, UNUSUAL, FIRST_UNUSUAL)
-    above = times * where(goes_down, before.down_above, before.up_above) + SLACK
-    below = times * where(goes_down, before.down_below, before.up_below) + SLACK
-    is_other = (before.operations >= FEW) & ((biased > above) | (-biased > below))
-    is_learnt = is_over & (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
-
-    def usual(value: Scalar, new: Scalar, is_so: Scalar) -> Scalar:
-        return where(is_learnt & is_so, _approached(value, new, is_known), value)
-
+    normal = normalised(near(innovation, std), std)
+    surprised = where(is_used, mean(before.surprise, square(normal), limits.samples), before.surprise)
+    biased = where(is_used, mean(before.bias, normal, 0.5 * limits.samples), before.bias)
+    is_over = is_takeoff(before.left, leaves)
+    part = clip(floor(before.samples * PER_MEAN / limits.samples), 0.0, PARTS - 1.0)
+    first = where(before.left > 2.0, 2.0 * PARTS, 0.0)
+    above, below = (load(before.usual, first + part, k * PARTS) for k in (0, 1))
+    width = above + below - 2.0 * FAR
+    more = where(before.operations < KNOWN, FIRST_WIDER, WIDER) * width + SLACK
+    is_beyond = (FAR + biased > above + more) | (FAR - biased > below + more)
+    is_other = (before.operations >= FEW) & (before.left > 0.0) & (width >= 0.0) & is_beyond
+    seen = before.seen
+    for k, value in enumerate((FAR + biased, FAR - biased)):
+        seen = store(seen, part, larger(load(seen, part, k * PARTS), value), k * PARTS)
+    is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
+    seen, usual = cond(
+        is_over,
+        lambda: _begun(seen, before.usual, first, is_learnt, before.operations >= KNOWN),
+        lambda: (seen, before.usual),
+    )
     return Usual(
         surprise=surprised,
         bias=biased,
-        above=where(is_over, biased, larger(before.above, biased)),
-        below=where(is_over, -biased, larger(before.below, -biased)),
-        down_above=usual(before.down_above, before.above, goes_down),
-        down_below=usual(before.down_below, before.below, goes_down),
-        up_above=usual(before.up_above, before.above, not_(goes_down)),
-        up_below=usual(before.up_below, before.below, not_(goes_down)),
-        operations=before.operations + where(is_learnt, 1.0, 0.0),
+        samples=where(is_over, 0.0, before.samples + 1.0),
+        operations=before.operations + where(is_over & is_learnt, 1.0, 0.0),
         left=where(is_over, leaves, before.left),
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),
         other=lasting(before.other, is_other, is_over),
+        seen=seen,
+        usual=usual,
     )
 
 
-def _approached(usual: Scalar, new: Scalar, is_known: Scalar) -> Scalar:
-    """What is usual with one operation more: the largest of the first ones, then slowly less and faster more."""
-    is_more = new > usual
-    return usual + where(is_known, where(is_more, RISE, FALL), where(is_more, 1.0, 0.0)) * (new - usual)
+def _begun(seen: Array, usual: Array, first: Scalar, is_learnt: Scalar, is_known: Scalar) -> tuple[Array, Array]:
+    """Nothing seen; what is usual with an operation more: the most of the first ones, then slowly less, faster more."""
+
+    def one(seen: Array, usual: Array, k: Scalar) -> tuple[tuple[Array, Array, Scalar], Scalar]:
+        new, old = load(seen, k), load(usual, first + k)
+        is_first, is_more = not_(old > 0.0), new > old
+        share = where(is_known & not_(is_first), where(is_more, RISE, FALL), where(is_more, 1.0, 0.0))
+        learnt = where(is_learnt & (new > 0.0), old + share * (new - old), old)
+        return (store(seen, k, 0.0), store(usual, first + k, learnt), k + 1.0), False
+
+    seen, usual, _ = loop(2 * PARTS, one, (seen, usual, 0.0))
+    return seen, usual
 
 
 def larger(a: Scalar, b: Scalar) -> Scalar:

@@ -10,6 +10,7 @@ until the next edge of the voltage.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.gap import gap
@@ -47,7 +48,6 @@ class Reading(NamedTuple):
 class Coil(NamedTuple):
     """What is seen of the coil at a sample."""
 
-    is_large: Scalar  # whether the mean innovation is too large
     is_edge: Scalar  # of the voltage
     pulls: Scalar  # whether there is current enough to tell a position
     resistance: Scalar  # by a held voltage, or 0
@@ -84,10 +84,19 @@ def _transition(p: Point, voltage: Scalar, m: Model) -> Array:
     return F
 
 
-def decide(before: Follow, coil: Coil, now: Point, m: Model) -> Follow:
-    """Whether it begins or ends after a sample."""
+def decide(before: Follow, is_large: Scalar, is_edge: Scalar, seen: Callable[[], Coil], now: Point, m: Model) -> Follow:
+    """Whether it begins or ends after a sample; as long as the mean innovation is not too large, it does not begin."""
+
+    def wait() -> Follow:
+        return before._replace(is_futile=flag(is_set(before.is_futile) & not_(is_edge)), lasts=0.0)
+
+    is_lasting = is_large & not_(is_edge)
+    return cond(is_set(before.is_on) | is_lasting, lambda: _change(before, is_lasting, seen(), now, m), wait)
+
+
+def _change(before: Follow, is_lasting: Scalar, coil: Coil, now: Point, m: Model) -> Follow:
     is_on, long = is_set(before.is_on), LASTING / m.T_s
-    lasts = where(coil.is_large & not_(coil.is_edge), before.lasts + 1.0, 0.0)
+    lasts = where(is_lasting, before.lasts + 1.0, 0.0)
     is_on_stop = (now.position <= m.lower) | (now.position >= m.upper)
     rests = where(is_on_stop, before.rests + 1.0, 0.0)
     off = fabs(coil.resistance - m.d.resistance) / m.d.resistance

@@ -23,7 +23,7 @@ from gapsense.estimators.mhe.model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, wait, work_on
+from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, wait, work_on
 from gapsense.estimators.mhe.watch import (
     RECENT,
     Seen,
@@ -239,7 +239,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)))
     held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, par)
     # the window
-    R = where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
+
+    def held_resistance() -> Scalar:
+        return where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
+
     first = model(par, device(par))
     window, is_first = state.work.window, state.work.pass_start == PassStart.first
     is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
@@ -247,7 +250,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     work, smoothed, has_caught_up = cond(
         is_set(state.follow.is_on),
         lambda: (wait(work, before), state.smoothed, False),
-        lambda: work_on(work, samples, state.smoothed, before, R, inputs.time, first, par),
+        lambda: work_on(work, samples, state.smoothed, before, held_resistance, inputs.time, first, par),
     )
     is_new = has_caught_up & not_(is_set(work.is_followed))
     is_told = _is_told_late(work, state.work.learnt)
@@ -277,20 +280,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_fed_back=is_set(state.follow.is_on),
     )
     watch = watch_operation(watch, seen, now, work.learnt, m, par)
-    coil = Coil(
-        is_large=is_set(watch.is_large),
-        is_edge=is_edge,
-        pulls=fabs(held.held_current) > LARGE * par.noise_current,
-        resistance=_resistance(held, par),
-    )
-    follow = decide(state.follow._replace(covariance=covariance), coil, now, m)
-    is_back = is_set(state.follow.is_on) & not_(is_set(follow.is_on) | is_set(follow.is_futile))
-    is_old = work.window.age > par.window_longest / par.sample_time
-    work = work._replace(window=work.window._replace(age=where(is_back & is_old, RING, work.window.age)))
+
+    def coil() -> Coil:
+        pulls = fabs(held.held_current) > LARGE * par.noise_current
+        return Coil(is_edge=is_edge, pulls=pulls, resistance=_resistance(held, par))
+
+    follow = decide(state.follow._replace(covariance=covariance), is_set(watch.is_large), is_edge, coil, now, m)
+    work = when(is_set(state.follow.is_on), lambda work: _drop_long(work, follow, par), work)
     # what is published
     work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
     causes = {
-        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch),
+        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch) | is_lost(work, par),
         LOST: not_(has_voltage & has_current),
         RESTARTED: work.learnt.given_up > 0.0,
         STILL: is_set(watch.is_still),
@@ -310,6 +310,13 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     known = get(work.learnt.deviations, START)
     return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
+
+
+def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
+    """Where the current is no longer fed back, since the mover is on a stop, a long window is dropped."""
+    is_back, longest = not_(is_set(follow.is_on) | is_set(follow.is_futile)), par.window_longest / par.sample_time
+    age = where(is_back & (work.window.age > longest), RING, work.window.age)
+    return work._replace(window=work.window._replace(age=age))
 
 
 def _is_other(work: Work, par: Parameters) -> Scalar:
@@ -349,16 +356,22 @@ def _forget_held(held: Held, goes_on: Scalar, par: Parameters) -> Held:
 def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
     changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
     share = where(changes, 1.0, RECENT)
-    R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
-    is_off = is_long & (fabs(before.held_voltage) < par.edge)
-    return Held(
+    return when(changes, lambda held: _change_level(held, u, par), before)._replace(
         held=where(changes, 0.0, before.held + 1.0),
-        held_level=where(changes, u, before.held_level),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
         held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
-        held_resistance=where(changes & (R > 0.0), R, before.held_resistance),
-        zero=where(changes & is_off, before.held_current, before.zero),
+    )
+
+
+def _change_level(before: Held, u: Scalar, par: Parameters) -> Held:
+    """What the voltage that was held has told, when another one begins."""
+    R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
+    is_off = is_long & (fabs(before.held_voltage) < par.edge)
+    return before._replace(
+        held_level=u,
+        held_resistance=where(R > 0.0, R, before.held_resistance),
+        zero=where(is_off, before.held_current, before.zero),
     )
 
 

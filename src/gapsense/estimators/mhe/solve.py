@@ -24,6 +24,7 @@ Work per sample is bounded: `window.pace` pieces of a pass, or two pivots of an 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from gapsense.estimators.mhe.model import Model, Parameters, Point
@@ -173,6 +174,11 @@ def effort(learnt: Learnt, par: Parameters) -> Effort:
     return Effort(*(where(is_set(par.option_further), more, one) for one, more in zip(usual, thorough)))
 
 
+def is_lost(work: Work, par: Parameters) -> Scalar:
+    """Whether only another start may explain the window; with `option.further` a search is usual."""
+    return (work.search.searches > 0.0) & not_(is_set(par.option_further))
+
+
 # a sample
 
 
@@ -181,14 +187,14 @@ def work_on(
     samples: Samples,
     smoothed: Smoothed,
     causal: Point,
-    held: Scalar,
+    held: Callable[[], Scalar],
     time: Scalar,
     m: Model,
     par: Parameters,
 ) -> tuple[Work, Smoothed, Scalar]:
     """What is done with a new sample: the work, the memory of smoothed samples, and whether a pass has caught up.
 
-    `causal` is the estimate of the sample before, `held` the resistance by a held voltage, or 0, `m` the model of
+    `causal` is the estimate of the sample before, `held` gives the resistance by a held voltage, or 0, `m` the model of
     what is believed before the first window.
     """
     work = work._replace(window=work.window._replace(age=work.window.age + 1.0))
@@ -281,11 +287,11 @@ def _start_deriving(work: Work) -> Work:
 # DERIVING
 
 
-def _end_pass(work: Work, held: Scalar, samples: Samples, par: Parameters) -> Work:
+def _end_pass(work: Work, held: Callable[[], Scalar], samples: Samples, par: Parameters) -> Work:
     """The normal equations are complete; but if a held voltage says that R is another one, all begins with that."""
     work = work._replace(window=work.window._replace(end=work.walk.done))
-    R = load(work.fit.device, 0)
-    off = log(where(held > 0.0, held, R) / R)
+    R, told = load(work.fit.device, 0), held()
+    off = log(where(told > 0.0, told, R) / R)
     jumps = (fabs(off) > JUMP) & not_(is_set(work.window.has_jumped)) & (work.fit.tries < 1.0)
 
     def jump() -> Work:
@@ -572,14 +578,14 @@ def _start(n: Scalar, starts: Starts, deviations: list[Scalar]) -> list[Scalar]:
 
 def _finish(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Parameters) -> Work:
     """The smoothed estimate is ready; what the window has taught is kept, and the next one begins where it ends."""
-    is_lost = is_set(par.option_further) & (work.learnt.misfit >= LOST_MISFIT)
+    forgets = is_set(par.option_further) & (work.learnt.misfit >= LOST_MISFIT)
     is_cut = work.window.end >= par.window_longest / par.sample_time  # no landing has ended it: it was no operation
     limit = where(is_untaught(work.learnt, par) & has_landed(work.walk), REJECT_UNTAUGHT, REJECT_MISFIT)
     most = where(is_cut & is_set(work.window.is_doubtful), GOOD_MISFIT, limit)
     told = _leave_window(work._replace(learnt=_tell(work, misfit, time, par)), samples)
 
     def reject() -> Work:
-        return cond(is_lost, lambda: _forget(told, par), lambda: _reject(told, par))
+        return cond(forgets, lambda: _forget(told, par), lambda: _reject(told, par))
 
     return cond(misfit < most, lambda: _learn(told, misfit, par), reject)
 

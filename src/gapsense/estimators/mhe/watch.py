@@ -7,7 +7,7 @@ from typing import NamedTuple
 from gapsense.estimators.mhe.model import Model, Parameters, Point
 from gapsense.estimators.mhe.window import JUMP, Learnt, Samples, drives, place
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.trace import clip, fabs, flag, is_set, load, not_, sqrt, square, where
+from gapsense.kernels.trace import clip, fabs, flag, is_set, load, not_, sqrt, square, when, where
 
 SAME = 30.0  # samples over which the model's error of the current is the same
 RECENT = 1.0 / 16.0  # weight of a sample in the mean of the innovations, and in those of a held voltage and its current
@@ -19,7 +19,8 @@ OFTEN, PULSED = 1.0 / 512.0, 0.02  # weight of a sample in the share of edges, a
 MINOR = 0.8  # error of the current under PWM, whose minor loops the hysteresis of the model does not have, over I_h
 ANYWHERE = 1.0 / 12.0  # variance of the place of an edge that may be anywhere in a sampling period [1]
 PLACED = 1.0 / 8.0  # weight of an edge in that of the last ones
-KNOWN, YOUNG = 4.0, 6.0  # operations that were explained, after which innovations are judged, first with more patience
+KNOWN, KNOWN_SOFT = 2.0, 4.0  # operations that were explained, after which innovations are judged; where more is learnt
+YOUNG = 6.0  # how much patience there is at first
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
@@ -131,34 +132,43 @@ def is_untold(watch: Watch, told: Parameters) -> Scalar:
 def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
     """An operation whose innovations are too large is strange; only two others, with motions, take that back."""
     usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
-    is_edge, between = seen.is_edge, (now.position > par.stop_lower) & (now.position < par.stop_upper)
-    is_known, by_place = learnt.explained >= KNOWN, now.mmf_slope * m.through
-    counts = seen.has_current & not_(is_edge)
-    learns = is_edge & is_known & not_(is_set(before.is_strange))
-    placed = PLACED * (square(before.edge.place) + before.edge.variance - before.spread)
-    spread = before.spread + where(learns, placed, 0.0)
-    edge = _place_edge(before.edge, spread, seen, counts & not_(between), now, m, par)
+    between = (now.position > par.stop_lower) & (now.position < par.stop_upper)
+    known = where(is_set(par.option_further), KNOWN_SOFT, KNOWN)
+    is_known, by_place = learnt.explained >= known, now.mmf_slope * m.through
+    counts = seen.has_current & not_(seen.is_edge)
+    new = when(seen.is_edge, lambda watch: _begin(watch, is_known, learnt), before)
+    edge = _place_edge(before.edge, new.spread, seen, counts & not_(between), now, m, par)
     unexpected = seen.innovation - by_place * edge.faded * edge.place
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
     most = where(is_set(par.option_further), STRANGE_SOFT, STRANGE)
-    young = YOUNG / square(where(is_known, learnt.explained, KNOWN))
+    young = YOUNG / square(where(is_known, learnt.explained, known))
     limit = (1.0 + young) * most * usual
     is_large = is_known & (fabs(surprise) > limit)
-    is_over = is_edge & (is_set(before.is_strange) | is_set(before.is_moving))
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
-    needed = where(learnt.explained > YOUNG, BOTH, 1.0)  # early ones are strange by what is yet to be learnt
-    less = where(before.suspicion > 0.0, before.suspicion - 1.0, 0.0)
-    return before._replace(
+    return new._replace(
         edge=edge,
-        spread=spread,
         surprise=surprise,
         is_large=flag(is_large),
-        is_strange=where(is_large | seen.is_fed_back, 1.0, where(is_over, 0.0, before.is_strange)),
-        is_moving=where(between, 1.0, where(is_over, 0.0, before.is_moving)),
-        suspicion=where(is_over, where(is_set(before.is_strange), needed, less), before.suspicion),
+        is_strange=where(is_large | seen.is_fed_back, 1.0, new.is_strange),
+        is_moving=where(between, 1.0, new.is_moving),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
         is_still=where(is_other, flag(is_set(before.was_commanded) & not_(is_set(before.has_moved))), before.is_still),
+    )
+
+
+def _begin(before: Watch, is_known: Scalar, learnt: Learnt) -> Watch:
+    """An operation begins at an edge: the one before is judged, if it was one; how well edges are placed is learnt."""
+    was_strange = is_set(before.is_strange)
+    placed = PLACED * (square(before.edge.place) + before.edge.variance - before.spread)
+    is_over = was_strange | is_set(before.is_moving)
+    needed = where(learnt.explained > YOUNG, BOTH, 1.0)  # early ones are strange by what is yet to be learnt
+    less = where(before.suspicion > 0.0, before.suspicion - 1.0, 0.0)
+    return before._replace(
+        spread=before.spread + where(is_known & not_(was_strange), placed, 0.0),
+        is_strange=where(is_over, 0.0, before.is_strange),
+        is_moving=where(is_over, 0.0, before.is_moving),
+        suspicion=where(is_over, where(was_strange, needed, less), before.suspicion),
     )
 
 

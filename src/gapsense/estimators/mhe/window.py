@@ -330,16 +330,15 @@ def _derive(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Par
     is_open = window.end <= 0.0
     limit = where(is_open | (window.age < window.end), window.age, window.end)
 
-    def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
+    def one(walk: Walk, smoothed: Smoothed, _: Scalar) -> tuple[tuple[Walk, Smoothed, Scalar], Scalar]:
         new, weighted = _visit(walk, window, samples, m, par)
         new = new._replace(pending=walk.pending + 1.0, residuals=walk.residuals + weighted)
         kept = remember(smoothed, new, window, samples)
-        ends = cond(is_open, lambda: _ends(new, window, samples, par), lambda: False)
-        return (new, kept), (new.done >= limit) | _is_full(new, par) | ends
+        ends = cond(is_open, lambda: _ends(new, window, samples, par), lambda: new.done >= window.end)
+        return (new, kept, flag(ends)), (new.done >= limit) | _is_full(new, par) | ends
 
-    walk, smoothed = loop(AT_ONCE, one, (work.walk, smoothed))
-    ends = cond(is_open, lambda: _ends(walk, window, samples, par), lambda: walk.done >= window.end)
-    work = work._replace(walk=walk, pass_done=flag(ends))
+    walk, smoothed, ends = loop(AT_ONCE, one, (work.walk, smoothed, 0.0))
+    work = work._replace(walk=walk, pass_done=ends)
     return when(_is_full(walk, par), lambda work: _add_sums(work, m, par), work), smoothed
 
 
