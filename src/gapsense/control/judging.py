@@ -14,7 +14,7 @@ from gapsense.kernels.trace import cond, not_, where
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 GOOD = 3.5  # misfit of a window that is solved well
-HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many of the slowest approach speeds
+HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
 ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and so many approach speeds
 SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
@@ -159,8 +159,9 @@ def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inp
 def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, par: Parameters) -> State:
     """How well an operation was explained, and whether it landed harder than it was to."""
     is_good, is_soft = inputs.misfit < GOOD, law.was_plain < 1.0
-    most = HARD + where(state.cycles < YOUNG, ALLOWED * law.speed, TWICE * par.approach_least)
-    is_hard = inputs.estimated_impact_speed > most
+    planned_speed = where(state.cycles < YOUNG, law.speed, par.approach_least)
+    most, hardest = HARD + TWICE * planned_speed, HARD + ALLOWED * par.approach_first
+    is_hard = inputs.estimated_impact_speed > where(most < hardest, most, hardest)
     is_hard = is_hard & is_soft & is_good & (has_landed > 0.0)
     fewer = where(state.landed_hard > FORGIVEN, state.landed_hard - FORGIVEN, 0.0)
     return state._replace(

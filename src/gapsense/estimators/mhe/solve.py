@@ -81,9 +81,9 @@ LOGARITHMS = 9  # the first corrections are logarithms
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
 DRIFT = (0.2e-2, 0.15e-2, 0.03e-2, 0.06e-2, 0.03e-2, 0.3e-2, 0.03e-2, 0.03e-2, 0.1e-2, 0.5e-2, 0.5e-2)
 RESTLESS = {6: 0.2e-2, 7: 0.3e-2, 8: 0.8e-2}  # the same of mass, rest, damping where more is learnt
-# arrival cost of a change that is expected, and what comes to it until mass, rest and damping may change as before the
-# first window; core and gap do not change suddenly, and R with time
-EXPECTED, SURPRISING, SUDDEN = 2.0, 10.0, (6, 7, 8)
+# arrival cost of a change that is expected, and what comes to it until rest and damping may change as before the first
+# window; core, gap and mass do not change suddenly, and R with time
+EXPECTED, SURPRISING, SUDDEN = 2.0, 10.0, (7, 8)
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
 SHORTENED, SHORTENED_UNTAUGHT = 0.25, 0.5  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
