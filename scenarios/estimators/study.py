@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from gapsense import cosim
-from gapsense.cli.common import COMPONENT_FAILED, INTERRUPTED, Fmus, Out, Scenario, bar, problem, show, study, written
+from gapsense.cli.common import Fmus, Out, Scenario, study
+from gapsense.cli.console import COMPONENT_FAILED, INTERRUPTED, bar, problem, show, written
 from gapsense.studies.figures import FIGURES
 
 Variants = Annotated[

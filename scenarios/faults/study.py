@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gapsense.cli.common import APART, Fmus, Out, Scenario, show, stop_if_interrupted, study, written
+from gapsense.cli.common import Fmus, Out, Scenario, study
+from gapsense.cli.console import APART, show, stop_if_interrupted, written
 from gapsense.studies.figures import FIGURES
 
 SENSOR = ("bias", "drift", "stuck", "dropout", "noise")  # variants drawn side by side

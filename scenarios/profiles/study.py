@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli import common
-from gapsense.cli.common import Fmus, Out, Scenario, Workers, bar, problem, show, study, written
+from gapsense.cli import common, console
+from gapsense.cli.common import Fmus, Out, Scenario, Workers, study
+from gapsense.cli.console import bar, problem, show, written
 from gapsense.studies.figures import FIGURES
 
 ALL = (None, "thresholds", "threshold_mode", "early")
@@ -52,10 +53,10 @@ def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to
     for index, error in swept.errors.items():
         problem(f"run {index}: {error}")
     if swept.interrupted or not swept.kept:
-        raise SystemExit(common.INTERRUPTED if swept.interrupted else common.COMPONENT_FAILED)
+        raise SystemExit(console.INTERRUPTED if swept.interrupted else console.COMPONENT_FAILED)
     evaluated(swept.kept, to)
     if swept.errors:
-        raise SystemExit(common.COMPONENT_FAILED)
+        raise SystemExit(console.COMPONENT_FAILED)
 
 
 def evaluated(files: Sequence[Path], to: Path) -> None:

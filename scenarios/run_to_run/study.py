@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Out, Workers, bar, show, study, written
+from gapsense.cli.common import Out, Workers, study
+from gapsense.cli.console import bar, show, written
 from gapsense.studies.figures import FIGURES
 
 FIGURES["run_to_run"] = f"{__package__}.figure:run_figure"

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from gapsense import cosim
-from gapsense.cli.common import APART, Fmus, Out, Scenario, Variant, bar, show, stop_if_interrupted, study, written
+from gapsense.cli.common import Fmus, Out, Scenario, Variant, study
+from gapsense.cli.console import APART, bar, show, stop_if_interrupted, written
 from gapsense.studies.figures import FIGURES
 
 FIGURES["semera"] = f"{__package__}.show:run_figure"

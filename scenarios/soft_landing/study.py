@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import FigureFile, Out, Output, Workers, bar, command, show, study, written
+from gapsense.cli.common import FigureFile, Out, Output, Workers, command, study
+from gapsense.cli.console import bar, show, written
 from gapsense.studies.figures import FIGURES
 
 from .trajectory import FIG_5, Trajectory

@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from gapsense.cli import app
-from gapsense.cli.common import reported
+from gapsense.cli.console import reported
 from gapsense.cosim.run.loop import compiled
 from gapsense.kernels.trace import TraceError
 from gapsense.version import __version__

@@ -20,7 +20,7 @@ VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
 LOUD = """
 import contextlib, sys
 import gapsense.cli.run
-from gapsense.cli import app, common
+from gapsense.cli import app, console
 
 @contextlib.contextmanager
 def bar(title):
@@ -30,7 +30,7 @@ def bar(title):
             said.append(print(title))
     yield progress
 
-common.bar = gapsense.cli.run.bar = bar  # says when the run is under way
+console.bar = gapsense.cli.run.bar = bar  # says when the run is under way
 app()
 """
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from gapsense.cli import app, common
+from gapsense.cli import app, console
 from gapsense.report import table
 
 
@@ -90,9 +90,9 @@ def test_advised_command_can_be_copied(name):
 
 @pytest.mark.parametrize("text", [":x:", "[red]a[/red]", ":warning: [bold]", "[/]", "a[1]", "`:smile:`", "[link=x]"])
 def test_marks_are_shown_as_they_are(text, capsys, monkeypatch):
-    for console in common.consoles():
-        with console.capture() as captured:
-            table.show(console, text, table.table(text, (text,), [(text,)]))
+    for each in console.consoles():
+        with each.capture() as captured:
+            table.show(each, text, table.table(text, (text,), [(text,)]))
         assert captured.get().count(text) == 4
     assert table.text(text) == text
     assert text in gapsense("run", text.replace("/", "|"))[1] or "/" in text

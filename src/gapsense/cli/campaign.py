@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from gapsense.cli import common as cli
+from gapsense.cli import console
 from gapsense.problems import InputError
 
 if TYPE_CHECKING:
@@ -75,17 +76,17 @@ def run(
     if only_check:
         if problems := check_study(study, fmus):
             raise InputError(problems)
-        return cli.show(f"{study}: no problems.")
+        return console.show(f"{study}: no problems.")
     if export:
         check_export(export)
-    with cli.bar("running") as progress:
+    with console.bar("running") as progress:
         result = campaign(study, workers, to, fmus, scheduler, retry, progress, engine)
     summarize(result, export)
     done = f"{result.computed} of them done now{cli.as_vectors(result)}"
-    cli.show(f"{result.folder}: {result.rows} of {result.runs} runs, {done}.")
+    console.show(f"{result.folder}: {result.rows} of {result.runs} runs, {done}.")
     if result.interrupted:
-        cli.problem("interrupted; run the same command to continue.", "yellow")
-    raise SystemExit(cli.INTERRUPTED if result.interrupted else cli.COMPONENT_FAILED if result.failed else 0)
+        console.problem("interrupted; run the same command to continue.", "yellow")
+    raise SystemExit(console.INTERRUPTED if result.interrupted else console.COMPONENT_FAILED if result.failed else 0)
 
 
 @cli.command("show", group)
@@ -102,9 +103,9 @@ def summarize(result: Campaign, export: Path | None) -> None:
     """Print the outcome, and write its rows if that is wanted."""
     from gapsense.report import campaigns
 
-    cli.show(*campaigns.summary(result))
+    console.show(*campaigns.summary(result))
     if export:
-        cli.written(result.export(export))
+        console.written(result.export(export))
 
 
 @cli.command("figure", group)
@@ -123,4 +124,4 @@ def figure(
     file = to or result.resolve().with_name(f"{result.resolve().name}.png")
     plot.check_file(file)
     made = campaigns.figure(read_campaign(result, hold=True), metric or (), factor or ())
-    cli.written(plot.save(made, file))
+    console.written(plot.save(made, file))

@@ -18,48 +18,7 @@ import typer
 from gapsense import cosim
 from gapsense._os import interrupts
 from gapsense._os.files import refuse_unwritable
-from gapsense.cli.console import (
-    APART as APART,
-)
-from gapsense.cli.console import (
-    COMPONENT_FAILED as COMPONENT_FAILED,
-)
-from gapsense.cli.console import (
-    FAILED as FAILED,
-)
-from gapsense.cli.console import (
-    INTERRUPTED as INTERRUPTED,
-)
-from gapsense.cli.console import (
-    WRONG_INPUT as WRONG_INPUT,
-)
-from gapsense.cli.console import (
-    bar as bar,
-)
-from gapsense.cli.console import (
-    chosen as chosen,
-)
-from gapsense.cli.console import (
-    consoles as consoles,
-)
-from gapsense.cli.console import (
-    notice as notice,
-)
-from gapsense.cli.console import (
-    problem as problem,
-)
-from gapsense.cli.console import (
-    reported as reported,
-)
-from gapsense.cli.console import (
-    show as show,
-)
-from gapsense.cli.console import (
-    stop_if_interrupted as stop_if_interrupted,
-)
-from gapsense.cli.console import (
-    written as written,
-)
+from gapsense.cli.console import FAILED, notice, problem, reported, show, written
 from gapsense.problems import InputError
 from gapsense.shipped import examples
 from gapsense.version import __version__

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gapsense.cli import common as cli
+from gapsense.cli import console
 from gapsense.functions import EDGE_STEPS, RTOL
 
 if TYPE_CHECKING:
@@ -53,8 +54,8 @@ def compare(
             draw(found, figure_of(figure, Path(name), result), f"{name} against {theirs}")
     failed = sum(not found.passed for found in made.values())
     if len(made) > 1:
-        cli.show(f"{len(made) - failed} results as before, {failed} differ")
-    raise SystemExit(cli.FAILED if failed else 0)
+        console.show(f"{len(made) - failed} results as before, {failed} differ")
+    raise SystemExit(console.FAILED if failed else 0)
 
 
 def tell(found: Comparison, name: str) -> None:
@@ -62,20 +63,20 @@ def tell(found: Comparison, name: str) -> None:
     from gapsense.report import differences
 
     if name:
-        cli.show(f"{'as before' if found.passed else 'DIFFERS'}  {name}")
+        console.show(f"{'as before' if found.passed else 'DIFFERS'}  {name}")
     for sentence in found.sentences:
-        cli.show(sentence)
+        console.show(sentence)
     near = [d for d in found.within if d.share]
     if near:
-        cli.show(differences.nearest(near))
-    cli.show(found.summary)
+        console.show(differences.nearest(near))
+    console.show(found.summary)
 
 
 def draw(found: Comparison, file: Path, title: str) -> None:
     """The picture of a comparison."""
     from gapsense.report import differences, plot
 
-    cli.written(plot.save(differences.figure(found, title), file))
+    console.written(plot.save(differences.figure(found, title), file))
 
 
 def figure_of(file: Path, result: Path, root: Path) -> Path:

@@ -10,7 +10,8 @@ import typer
 
 from gapsense import cosim
 from gapsense._os.files import refuse_unwritable
-from gapsense.cli.common import FAILED, Fmus, Output, command, notice, problem, show
+from gapsense.cli.common import Fmus, Output, command
+from gapsense.cli.console import FAILED, notice, problem, show
 from gapsense.problems import InputError, number_of
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 

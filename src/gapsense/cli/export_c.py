@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from gapsense.cli.common import Output, command, show, written
+from gapsense.cli.common import Output, command
 from gapsense.cli.components import Root
+from gapsense.cli.console import show, written
 from gapsense.fmi.values import ValuesError, fields, unknown
 from gapsense.problems import InputError
 from gapsense.tables import Value, parsed_value

@@ -14,7 +14,8 @@ from typing import Annotated
 import typer
 
 from gapsense._os.files import LONGEST_NAME, mask, refuse_unwritable, unfit
-from gapsense.cli.common import Output, command, show, written
+from gapsense.cli.common import Output, command
+from gapsense.cli.console import show, written
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 

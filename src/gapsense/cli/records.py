@@ -12,7 +12,8 @@ from typing import Annotated, Any
 import typer
 
 from gapsense import functions
-from gapsense.cli.common import Output, bar, command, tell
+from gapsense.cli.common import Output, command, tell
+from gapsense.cli.console import bar
 from gapsense.identification.options import OPTIONS, OUTPUTS, SHIPPED, key
 from gapsense.shipped import record
 

@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 
 from gapsense._os.files import read_bytes, refuse_unwritable
-from gapsense.cli.common import Output, command, shown, written
+from gapsense.cli.common import Output, command, shown
+from gapsense.cli.console import written
 from gapsense.problems import InputError
 
 END = b" - Gapsense</title>"

@@ -11,6 +11,7 @@ import typer
 from gapsense import cosim
 from gapsense._os.files import refuse_unwritable
 from gapsense.cli import common as cli
+from gapsense.cli import console
 from gapsense.cli.compare import draw
 from gapsense.cli.run import TO
 from gapsense.cli.run import run as run_scenario
@@ -32,8 +33,8 @@ def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = 
         raise cosim.ScenarioError(problems)
     remarks = cosim.remarks(source, variant, fmus)
     for remark in remarks:
-        cli.notice(remark)
-    cli.show(
+        console.notice(remark)
+    console.show(
         f"{scenario}: no errors, {number_of(len(remarks), 'warning')}." if remarks else f"{scenario}: no problems."
     )
 
@@ -58,7 +59,7 @@ def run(
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: print metrics, published values and time per component; write results as CSV and JSON."""
-    fmus = cli.chosen(scenario, fmus, native)
+    fmus = console.chosen(scenario, fmus, native)
     if only_check:
         return check(scenario, variant, fmus, settings)
     with run_ahead():
@@ -88,26 +89,26 @@ def sweep(
     An interrupted sweep continues where it was: runs already in the folder are not repeated.
     """
     engine = cli.engine_of(engine, native)
-    fmus = cli.chosen(scenario, fmus, engine == "native")
-    with runs_ahead(workers, engine, cosim.scenario_file(scenario)), cli.bar("sweeping") as progress:
+    fmus = console.chosen(scenario, fmus, engine == "native")
+    with runs_ahead(workers, engine, cosim.scenario_file(scenario)), console.bar("sweeping") as progress:
         from gapsense.cosim.run.loop.compiled import language  # here, while the workers start
 
         source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, None, progress, signals, engine)
-    cli.show(*runs.sweep(cosim.load(source, variant), swept))
+    console.show(*runs.sweep(cosim.load(source, variant), swept))
     if language() != "C" and swept.engine != "vectors":
-        cli.show(runs.WITHOUT_C)
+        console.show(runs.WITHOUT_C)
     count, failed = len(swept.indices) + len(swept.errors), f", {len(swept.errors)} failed" if swept.errors else ""
-    cli.show(f"{swept.file}: {count} runs, {swept.computed} of them computed now{cli.as_vectors(swept)}{failed}.")
+    console.show(f"{swept.file}: {count} runs, {swept.computed} of them computed now{cli.as_vectors(swept)}{failed}.")
     if swept.kept:
-        cli.show(f"{swept.kept[0].parent}: their signals.")
+        console.show(f"{swept.kept[0].parent}: their signals.")
     for index, sentence in list(swept.ended.items())[:1]:
-        cli.notice(f"{len(swept.ended)} of {count} runs were ended by a component; run {index}: {sentence}")
+        console.notice(f"{len(swept.ended)} of {count} runs were ended by a component; run {index}: {sentence}")
     for index, error in swept.errors.items():
-        cli.problem(f"run {index}: {error}")
+        console.problem(f"run {index}: {error}")
     if swept.interrupted:
-        cli.problem("interrupted; run the same command to continue.", "yellow")
-    raise SystemExit(cli.INTERRUPTED if swept.interrupted else cli.COMPONENT_FAILED if swept.errors else 0)
+        console.problem("interrupted; run the same command to continue.", "yellow")
+    raise SystemExit(console.INTERRUPTED if swept.interrupted else console.COMPONENT_FAILED if swept.errors else 0)
 
 
 @cli.command("figure")
@@ -136,10 +137,10 @@ def figure(
         file = to or plot.figure_file(Path("results"), scenario, variant, settings or ())
         drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
         plot.check_file(file)
-        with cli.bar("running") as progress:
-            result = cosim.run(source, variant, fmus, progress=progress, **cli.APART)
-        cli.stop_if_interrupted(result)
-    cli.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
+        with console.bar("running") as progress:
+            result = cosim.run(source, variant, fmus, progress=progress, **console.APART)
+        console.stop_if_interrupted(result)
+    console.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
     if show:
         cli.shown(file)
 
@@ -166,7 +167,7 @@ def test(
 
     def report(outcomes: Sequence[cosim.Outcome], last: cosim.Outcome | None) -> None:
         if last:
-            cli.show(runs.outcome(last))
+            console.show(runs.outcome(last))
             picture(last, figures)
         if junit:
             cosim.write_junit(outcomes, junit)
@@ -174,11 +175,11 @@ def test(
     if figures != FAILED:  # what nobody has asked for may be missing
         refuse_unwritable(folders=[figures])
     engine = cli.engine_of(engine, native)
-    fmus = cli.chosen(folder, fmus, native or engine == "native")
+    fmus = console.chosen(folder, fmus, native or engine == "native")
     outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process", engine=engine)
     failed = sum(not o.passed for o in outcomes)
-    cli.show(f"{len(outcomes) - failed} passed, {failed} failed")
-    raise SystemExit(cli.INTERRUPTED if any(o.interrupted for o in outcomes) else cli.FAILED if failed else 0)
+    console.show(f"{len(outcomes) - failed} passed, {failed} failed")
+    raise SystemExit(console.INTERRUPTED if any(o.interrupted for o in outcomes) else console.FAILED if failed else 0)
 
 
 def picture(outcome: cosim.Outcome, folder: Path) -> None:
@@ -188,7 +189,7 @@ def picture(outcome: cosim.Outcome, folder: Path) -> None:
         try:
             draw(outcome.comparison, folder / f"{name}.png", outcome.scenario)
         except OSError as error:
-            cli.notice(f"`{folder / name}.png` cannot be written: {error.strerror}. Choose another folder.")
+            console.notice(f"`{folder / name}.png` cannot be written: {error.strerror}. Choose another folder.")
 
 
 @cli.command("baseline")
@@ -209,17 +210,17 @@ def baseline(
     With --sensitivity, all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
     four runs. A signal that then leaves its tolerance depends more on rounding than on the scenario: exit code 1.
     """
-    fmus = cli.chosen(scenario, fmus, native)
+    fmus = console.chosen(scenario, fmus, native)
     if sensitive:
         found = cosim.sensitivity(scenario, variant, fmus)
-        cli.show(runs.growths(found))
+        console.show(runs.growths(found))
         for growth in [g for g in found if g.is_beyond]:
-            cli.problem(f"{growth}. {REMEDY}")
-        raise SystemExit(cli.FAILED if any(g.is_beyond for g in found) else 0)
+            console.problem(f"{growth}. {REMEDY}")
+        raise SystemExit(console.FAILED if any(g.is_beyond for g in found) else 0)
     if write and is_installed(cosim.scenario_file(scenario)):
         raise cosim.ScenarioError(
             [f"{scenario} came with Gapsense. Copy it first: `gapsense new mine --like {scenario}`."]
         )
     update = cosim.update_baseline(scenario, variant, fmus, write, isolation="process")
-    cli.show(str(update))
-    raise SystemExit(cli.INTERRUPTED if update.interrupted else 0)
+    console.show(str(update))
+    raise SystemExit(console.INTERRUPTED if update.interrupted else 0)

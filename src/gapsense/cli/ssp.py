@@ -10,6 +10,7 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli import common as cli
+from gapsense.cli import console
 
 Method = Enum("Method", {"gauss-seidel": "gauss-seidel", "jacobi": "jacobi"}, type=str)
 
@@ -31,10 +32,10 @@ def export_ssp(
     """
     from gapsense.ssp.export import export
 
-    notes = export(cosim.changed(scenario, settings or ()), to, variant, cli.chosen(scenario, fmus, native))
+    notes = export(cosim.changed(scenario, settings or ()), to, variant, console.chosen(scenario, fmus, native))
     for note in notes:
-        cli.notice(note)
-    cli.written(to)
+        console.notice(note)
+    console.written(to)
 
 
 @cli.command("import-ssp")
@@ -56,5 +57,5 @@ def import_ssp(
     from gapsense.ssp.bring import bring
 
     for note in bring(package, to, step, stop, method.value if method else None):
-        cli.notice(note)
-    cli.show(f"{to / 'scenario.toml'} written. Go on with `gapsense run {to}`.")
+        console.notice(note)
+    console.show(f"{to / 'scenario.toml'} written. Go on with `gapsense run {to}`.")
