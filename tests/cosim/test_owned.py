@@ -174,7 +174,7 @@ def test_test_says_whether_there_is_a_baseline(write, chain, fmus):
     assert "no baseline" in gapsense("test", path, "--fmus", fmus).output
     gapsense("baseline", path, "--write", "--fmus", fmus)
     path.write_text(chain)
-    assert "which no `[baseline]` states" in " ".join(gapsense("test", path, "--fmus", fmus).output.split())
+    assert "which no `[baseline]` names" in " ".join(gapsense("test", path, "--fmus", fmus).output.split())
 
 
 @pytest.mark.parametrize(

@@ -182,7 +182,7 @@ def test_least_and_greatest_whole_numbers_arrive(write, foreign, end):
 @pytest.mark.parametrize(
     ("name", "values", "how", "words"),
     [
-        ("n", [0, 1], "linear", 'an input of type Integer takes no values in between. Write `interpolation = "hold"`'),
+        ("n", [0, 1], "linear", 'an input of type Integer cannot be interpolated. Write `interpolation = "hold"`'),
         ("n", [0, 1.5], "hold", "1.5 found, a value of type Integer is expected"),
         ("n", [0, 3e9], "hold", "3e+09 found, -2147483648 to 2147483647 expected"),
         ("flag", [0, 2], "hold", "2 found, a value of type Boolean is expected"),

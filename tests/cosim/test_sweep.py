@@ -384,7 +384,7 @@ def test_grid_without_seeds_runs_once(write, fmus):
 
 def test_signals_are_kept_for_every_run(write, fmus, tmp_path):
     path, out = write(NOISE + GRID), tmp_path / "out"
-    with pytest.raises(ScenarioError, match="nowhere"):
+    with pytest.raises(ScenarioError, match="no folder is given"):
         sweep(path, fmus=fmus, keep=True)
     assert sweep(path, out=out, fmus=fmus).kept == ()
     swept = sweep(path, out=out, fmus=fmus, keep=True)

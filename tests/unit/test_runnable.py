@@ -113,14 +113,14 @@ def test_steps_do_not_change_a_state_that_was_saved():
     [
         (
             lambda: gapsense.Ertss(coil_resistanc=3.0),
-            "`coil_resistanc` is no parameter of Ertss. Did you mean `coil_resis",
+            "`coil_resistanc` is not a parameter of Ertss. Did you mean `coil_resis",
         ),
         (lambda: gapsense.Ertss(coil_resistance=-3.0), "`coil.resistance` is -3.0; expected at least 1e-09 Ohm."),
         (lambda: gapsense.Ertss(coil_resistance="48"), "`coil.resistance` is `48`; expected a number."),
         (lambda: gapsense.Ertss().run([1.0], [1.0]), "input `mode` missing"),
         (
             lambda: gapsense.Ertss().run([1.0], [1.0], 0.0, modes=1.0),
-            "`modes` is no input of Ertss. Did you mean `mode`?",
+            "`modes` is not an input of Ertss. Did you mean `mode`?",
         ),
         (lambda: gapsense.Ertss().run([1.0], [1.0], 0.0, mode=1.0), "input `mode` is given twice"),
         (lambda: gapsense.Ertss().run([1.0, 2.0, 3.0], [1.0, 2.0], 0.0), "`voltage` (3,), `current` (2,) found"),
