@@ -61,7 +61,7 @@ def of_jumps(record: Record, found: Facts) -> Iterator[str]:
     if steps["current"] > jump["current"] > 0.0 and steps["voltage"] < jump["voltage"]:
         yield (
             "The current jumps from one sample to the next, the voltage does not: no coil allows that. Are the columns"
-            " interchanged?"
+            " swapped?"
         )
     for name in jump if found.path.carrier is None else ():
         for k in spikes(record.signals[name], jump[name])[:SHOWN]:
