@@ -41,9 +41,9 @@ def test_run_show_and_figure(study, fmus, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert call(study, "--fmus", fmus, "--check") == (0, f"{study}: no problems.\n")
     code, said = call("--workers", 1, "--engine", "fmu", study, "--fmus", fmus)
-    assert code == 0 and said.splitlines()[-1] == "results/amplitudes: 2 of 2 runs, 2 of them done now.", said
+    assert code == 0 and said.splitlines()[-1] == "results/amplitudes: 2 of 2 runs, 2 of them computed now.", said
     code, said = call("run", study, "--fmus", fmus)
-    assert code == 0 and said.splitlines()[-1].endswith("2 of 2 runs, 0 of them done now.")
+    assert code == 0 and said.splitlines()[-1].endswith("2 of 2 runs, 0 of them computed now.")
     code, said = call("show", "results/amplitudes")
     assert code == 0 and "drive.square.amplitude" in said and "current [mA]" in said
     code, said = call("figure", "results/amplitudes")

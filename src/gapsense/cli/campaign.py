@@ -82,7 +82,7 @@ def run(
     with console.bar("running") as progress:
         result = campaign(study, workers, to, fmus, scheduler, retry, progress, engine)
     summarize(result, export)
-    done = f"{result.computed} of them done now{cli.as_vectors(result)}"
+    done = f"{result.computed} of them computed now{cli.as_vectors(result)}"
     console.show(f"{result.folder}: {result.rows} of {result.runs} runs, {done}.")
     if result.interrupted:
         console.problem("interrupted; run the same command to continue.", "yellow")
