@@ -163,7 +163,7 @@ def test_ctrl_c_at_any_time_shows_no_line_of_ours(fmus, tmp_path, words, delay):
     sleep(1e-3 * delay)
     started.send_signal(signal.SIGINT)
     _, err = started.communicate(timeout=60)
-    if "Traceback" in err:  # of Python's own start, which nobody can change
+    if "Traceback" in err or err == "KeyboardInterrupt\n":  # of Python's own start, which nobody can change
         assert str(VALVE.parents[1] / "src") not in err
     else:
         assert started.returncode in (130, -signal.SIGINT) and (err == "" or err.startswith("interrupted")), err

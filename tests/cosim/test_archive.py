@@ -20,8 +20,12 @@ EXTERNAL = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/hos
 
 
 @pytest.fixture
-def altered(fmus, tmp_path):
-    """Writes the FMU Gain with one change: to its members, or to the text of its model description."""
+def altered(fmus, tmp_path, monkeypatch):
+    """Writes the FMU Gain with one change: to its members, or to the text of its model description.
+
+    What another test found in the same file is not remembered: some of them lower the limits.
+    """
+    monkeypatch.setenv("GAPSENSE_CACHE", str(tmp_path / "cache"))
 
     def altered(change=None, text=None, name="Gain"):
         with zipfile.ZipFile(fmus / f"{name}.fmu") as source:
