@@ -121,8 +121,8 @@ def write_columns(file: TextIO, columns: Columns, units: Mapping[str, str] | Non
     """CSV with quoted heads `name [unit]`, quoted texts, and the shortest numbers that read back to the same bits."""
     heads = (header(name, (units or {}).get(name, "")) for name in columns)
     file.write(",".join(map(cell, heads)) + "\n")
-    for row in zip(*(column.tolist() for column in columns.values())):
-        file.write(",".join(map(cell, row)) + "\n")
+    cells = (map(repr if column.dtype.kind == "f" else cell, column.tolist()) for column in columns.values())
+    file.writelines(",".join(row) + "\n" for row in zip(*cells))
 
 
 def cell(value: Any) -> str:
