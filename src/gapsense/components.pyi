@@ -2116,8 +2116,8 @@ class RunToRun(Runnable):
         Cycles begun so far.
     state : float, 0 to 4
         0: no command yet, 1: first cycles, ordinary, 2: soft, 3: soft, but the last operation that was judged did not arrive in time, 4: ordinary cycle after that.
-    warnings : float, 0 to 255
-        Of this cycle and the last one, a sum of 1: contact silent in an ordinary operation, 2: profile faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary.
+    warnings : float, 0 to 511
+        Of this cycle and the last one, a sum of 1: contact silent in an ordinary operation, 2: profile faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary, 256: the current is too noisy for what a contact teaches.
     """
 
     def __init__(

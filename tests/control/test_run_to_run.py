@@ -7,6 +7,8 @@ import pytest
 from commanded import commanded, inputs, parameters
 
 from gapsense.control import run_to_run
+from gapsense.control.judging import WARNINGS
+from gapsense.kernels.interface import ports_of
 from gapsense.kernels.kernel import Kernel
 
 OFF, LEARNING, TRACKING, BACK = 0.0, 1.0, 2.0, 4.0  # as the port table says
@@ -27,6 +29,11 @@ def run(commands, par=PAR, since=None, first=1, **given):
         state, outputs = KERNEL.step(state, inputs(time=k * par.sample_time, command=command, **now(k)), par)
         rows.append(outputs)
     return rows, state
+
+
+def test_the_port_of_the_warnings_has_every_bit():
+    (port,) = [port for port in ports_of(run_to_run) if port.name == "warnings"]
+    assert port.max == sum(WARNINGS) and all(f"{bit:.0f}: " in port.description for bit in WARNINGS)
 
 
 def test_without_a_command_there_is_no_voltage():

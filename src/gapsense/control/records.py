@@ -133,9 +133,10 @@ class Outputs(NamedTuple):
         "Of this cycle and the last one, a sum of 1: contact silent in an ordinary operation, 2: profile "
         "faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no "
         "window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation "
-        "landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary",
+        "landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary, 256: the current is "
+        "too noisy for what a contact teaches",
         min=0.0,
-        max=255.0,
+        max=511.0,
     )
 
 
