@@ -17,7 +17,7 @@ COMPONENT = Component(
         Limit(
             (("window.longest", 1), ("sample_time", -1)),
             2000.0,
-            "the memory of 4096 samples could not hold two windows",
+            "a window has at most 2000 samples, so that the memory of 8192 holds those that wait, too",
         ),
         Limit(
             (("sample_time", 1), ("window.tail", -1)),
