@@ -132,7 +132,7 @@ def test_tour_names_every_folder_and_module_at_the_top_of_the_package():
 
 
 def test_exit_codes_of_the_page_of_commands_are_those_of_the_program():
-    from gapsense.cli import common as cli
+    from gapsense.cli import console as cli
 
     for code, words in (
         (cli.FAILED, "failed"),
