@@ -132,6 +132,7 @@ LOADED = (
     "gapsense._os.interrupts",
     "gapsense.cli.run",
     "numpy",
+    "datetime",  # that of numpy: its C turns a KeyboardInterrupt there into an ImportError
     "numpy._core._exceptions",  # in the midst of numpy, which cannot be loaded a second time
     "rich.table",
 )

@@ -19,7 +19,7 @@ from unpacked_native import STRICT, Unpacked, bits, expected, outputs
 from gapsense.fmi.components import kernel_of, load_component
 from gapsense.fmi.sentences import say
 
-LARGEST = 350e3  # bytes of an FMU for two platforms; here is one
+LARGEST = 365e3  # bytes of an FMU for two platforms, with our own exp, log and tanh in each; here is one
 
 
 def some(*normal: str) -> list[Any]:

@@ -51,7 +51,10 @@ def run(
     settings: Sequence[str] | None = None,
 ) -> None:
     """Run a scenario, show and save what came of it, and end the program with the exit code for that."""
-    source = cosim.changed(scenario, settings or ())
+    with counted() as interrupts:  # it loads numpy, which takes a Ctrl-C meanwhile for an error of its own
+        source = cosim.changed(scenario, settings or ())
+    if interrupts():
+        raise KeyboardInterrupt
     file = cosim.result_file(to, scenario, variant, settings or ())
     refuse_unwritable(file, file.with_suffix(".json"))
     saved = file.with_suffix(".checkpoint")
