@@ -13,13 +13,11 @@ from xml.etree.ElementTree import Element
 import pytest
 from drivers import ROOT
 from fmpy.validation import validate_fmu
-from parts import FOLDERS, Part
+from parts import FOLDERS, LARGEST, Part
 from unpacked_native import STRICT, Unpacked, bits, expected, outputs
 
 from gapsense.fmi.components import kernel_of, load_component
 from gapsense.fmi.sentences import say
-
-LARGEST = 365e3  # bytes of an FMU for two platforms, with our own exp, log and tanh in each; here is one
 
 
 def some(*normal: str) -> list[Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from drivers import ROOT
-from parts import FOLDERS, Part
+from parts import FOLDERS, LARGEST, Part
 from unpacked_native import bits, compiled_host, expected, outputs, unpack
 
 from gapsense.fmi.components import load_component
@@ -23,7 +23,6 @@ ZIG_CC = (sys.executable, "-m", "ziglang", "cc", "-target")
 AARCH64 = Path("/usr/aarch64-linux-gnu")
 HOSTS = ("host", "host3")  # of FMI 2.0 and of FMI 3.0, the last words of a command that runs one of them
 OF_FMI_3 = ("drive_voltage", "semera")  # the library is the same
-LARGEST = 365e3  # bytes of an FMU for two platforms; checks of indices cost some 5 %, our own exp, log and tanh 3 %
 
 
 @pytest.fixture(scope="session")

@@ -32,7 +32,7 @@ ADVICE = {
     errno.EMFILE: "Allow more open files (`ulimit -n`), or use fewer workers",
     errno.ENFILE: "Close other programs, or use fewer workers",
 }
-FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, 130
+FAILED, WRONG_INPUT, COMPONENT_FAILED, INTERRUPTED = 1, 2, 3, interrupts.INTERRUPTED
 
 
 @cache
