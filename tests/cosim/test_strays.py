@@ -63,6 +63,14 @@ def test_component_that_forks_or_closes_is_ended_and_told(write, fmus, temporary
 
 
 @pytest.mark.parametrize("text", [WHOLE, PART], ids=["run", "component"])
+def test_closed_pipe_is_told_however_short_the_limit(write, fmus, temporary, text):
+    text = text.replace("FAULT", "close").replace("step_limit = 1.0", "step_limit = 0.5")
+    with pytest.raises(FmuError) as caught:
+        run(write(text), fmus=fmus)
+    assert caught.value.cause == f"{CAUSES['close']}, in its step."
+
+
+@pytest.mark.parametrize("text", [WHOLE, PART], ids=["run", "component"])
 @pytest.mark.parametrize("fault", HARMLESS)
 def test_what_a_component_starts_ends_with_a_good_run(write, fmus, temporary, text, fault):
     assert run(write(text.replace("FAULT", fault)), fmus=fmus)["coil.y"][-1] == pytest.approx(1.0)

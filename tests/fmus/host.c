@@ -104,6 +104,7 @@ static long run_in_child(void)
 
 int main(int argc, char **argv)
 {
+    setvbuf(stdout, NULL, _IOLBF, BUFSIZ); /* whole lines: what an FMU prints comes between them */
     for (int option; (option = getopt(argc, argv, "+n:h:c:t:i:qf")) != -1;) {
         if (option == 'n') steps = atoi(optarg);
         if (option == 'h') step = atof(optarg);

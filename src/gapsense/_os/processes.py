@@ -105,8 +105,9 @@ class Process:
             print(json.dumps(request), file=self.process.stdin, flush=True)
         answer = self.process.stdout.readline() if self.process.stdout else ""
         if not answer.endswith("\n"):
+            self.is_limited = False  # its end is waited for, not its answer
             cause = self.ending()
-            self.is_busy = self.is_limited = False
+            self.is_busy = False
             raise Died(cause, self.words(), doing)
         self.is_busy = self.is_limited = False
         return json.loads(answer)
@@ -144,14 +145,15 @@ class Process:
 
     def ending(self) -> str:
         """How it ended."""
+        is_overdue = self.is_overdue  # as it was when the pipe closed
         try:
             code = self.process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
             self.kill()
             code = self.process.wait()
-            if not self.is_overdue:
+            if not is_overdue:
                 return "its process closed the pipe for its answers, so it was ended"
-        if self.is_overdue:
+        if is_overdue:
             return f"no answer within {self.limit:g} s, the limit, so its process was ended"
         if code >= 0:
             return f"its process ended with exit code {code}"
