@@ -7,21 +7,29 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
+
+sys.path.append(str(Path(__file__).parent / "fmus"))  # with helpers
 
 import pytest
 import typer.testing
+import warm
 from hypothesis import HealthCheck, settings
 
-from gapsense._os import locks
+from gapsense._os import locks, processes
 from gapsense._os.native import ZIG, NativeError, zig_version
 from gapsense.fmi.components import find_components
 from gapsense.fmi.native import package
 from gapsense.fmi.native.platforms import chosen, compilers
 
 ROOT = Path(__file__).resolve().parents[1]
+STARTED = {  # files whose tests are about processes themselves, and how they start and end
+    *("test_strays", "test_apart", "test_remote", "test_wandering", "test_unpacked", "test_shadows", "test_interrupt"),
+    *("test_workers", "test_processes", "test_cluster", "test_run"),
+}
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed
 settings.load_profile("busy")
 os.environ.setdefault(
@@ -30,6 +38,15 @@ os.environ.setdefault(
 os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
 if hasattr(typer.testing, "_get_command"):  # else every call of a command makes all of them anew, in 60 ms
     typer.testing._get_command = cache(typer.testing._get_command)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def warm_workers(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Worker processes are forks of one that has loaded what they need: the start of each would take 0.2 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        if sys.platform == "linux" and request.path.stem not in STARTED:
+            patch.setattr(processes, "subprocess", SimpleNamespace(**{**vars(subprocess), "Popen": warm.Worker}))
+        yield
 
 
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:

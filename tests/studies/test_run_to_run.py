@@ -160,7 +160,7 @@ def flat_parameters(part, loop, run):
     return record(cls, [c if isinstance(c, list) else float(c[0, run % c.size]) for c in columns])
 
 
-@pytest.mark.parametrize("law", ["contact", "model"])
+@pytest.mark.parametrize("law", ["contact", pytest.param("model", marks=pytest.mark.slow)])
 def test_both_laws_arrive_and_get_softer(law):
     found = outcome(law, PLAIN, 1, range(6), 12)
     assert found.speeds.shape == (12, 2, 6) and found.energy.shape == (12, 6)
