@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import subprocess
@@ -30,6 +31,12 @@ STARTED = {  # files whose tests are about processes themselves, and how they st
     *("test_strays", "test_apart", "test_remote", "test_wandering", "test_unpacked", "test_shadows", "test_interrupt"),
     *("test_workers", "test_processes", "test_cluster", "test_run"),
 }
+LONG = (  # files that take minutes in the long tests, the longest first, and those of the quick ones after them
+    *("test_site", "test_platforms", "test_export", "test_everywhere", "test_benchmarks", "test_run_to_run_demands"),
+    *("test_profiles", "test_estimators", "test_forged_states", "test_identification_losses", "test_parity"),
+    *("test_identification", "test_run_to_run", "test_contract", "test_sweep", "test_runnable", "test_hosts"),
+)
+gc.disable()  # until all tests have been found, which takes three times as long with it
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed
 settings.load_profile("busy")
 os.environ.setdefault(
@@ -38,6 +45,17 @@ os.environ.setdefault(
 os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
 if hasattr(typer.testing, "_get_command"):  # else every call of a command makes all of them anew, in 60 ms
     typer.testing._get_command = cache(typer.testing._get_command)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first, so that both workers end at the same time."""
+    items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
+
+
+def pytest_collection_finish() -> None:
+    """Ten thousand tests need not be looked at each time that memory is cleared up."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True, scope="module")
