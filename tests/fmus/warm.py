@@ -22,12 +22,13 @@ from typing import Any
 
 # Of two forks the second becomes the process and ends as any other does; the first waits for it and tells its end.
 SERVER = """
-import json, os, signal, socket, sys, tempfile
+import gc, json, os, signal, socket, sys, tempfile
 sys.path[:] = filter(None, sys.path)
 requests = socket.socket(fileno=int(sys.argv[1]))
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for the first forks
 __IMPORTS__
+gc.freeze()
 while True:
     message, files, _, _ = socket.recv_fds(requests, 1 << 20, 4)
     if not message:
@@ -130,7 +131,10 @@ class Process:
 class Worker(Process):
     """In the place of `subprocess.Popen` in `gapsense._os.processes`."""
 
-    IMPORTS = "import gapsense.many.worker, gapsense.cosim.run.apart, gapsense.cosim.run.master, fmpy.fmi2"
+    IMPORTS = (
+        "import gapsense.many.worker, gapsense.cosim.run.apart, gapsense.cosim.run.master, fmpy.fmi2; "
+        "gapsense.many.worker.versions()"  # which asks another process
+    )
 
     def __init__(self, command: Sequence[str], stderr: Any, env: Mapping[str, str], **_: Any) -> None:
         (read, self_write), (self_read, write) = os.pipe(), os.pipe()
