@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gapsense._os.native import NativeError
+from gapsense.fmi.native.component import component
 from gapsense.fmi.native.platforms import SMALL, Compiler
 
 FAT_MAGIC, FAT_ALIGNMENT = 0xCAFEBABE, 14  # of a library for several processors; 2^14 bytes
@@ -82,9 +83,11 @@ def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path
         library = folder / f"{name}{compiler.binary.ending}"
         # Else a library for macOS holds the path of this folder.
         called = (f"-Wl,-install_name,@rpath/{library.name}",) if library.suffix == ".dylib" else ()
-        link = ("-shared", "-s", *called, *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
+        platform, objects = compiler.binary, map(str, (*common, *own))
+        link = (platform.linked, "-s", *called, *objects, "-o", str(library), *platform.libraries)
         _run((*compiler.command, *link), library.name)
-        return timeless(library.read_bytes())
+        made = timeless(library.read_bytes())
+        return component(made) if library.suffix == ".wasm" else made
 
 
 def _put(files: Mapping[str, str], folder: Path) -> None:
