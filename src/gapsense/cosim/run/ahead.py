@@ -21,5 +21,5 @@ def run_ahead(again: bool = False, engine: str = FMU) -> Iterator[None]:
     """Start the process of a run in a process of its own now, and `again` that of the next one when it is taken."""
     if likely_vectors(engine):
         return (yield)
-    with ahead("gapsense.cosim.run.apart", "gapsense.cosim.run.master", "fmpy.fmi2", again=again):
+    with ahead("gapsense.cosim.run.apart", "gapsense.cosim.run.master", again=again):
         yield
