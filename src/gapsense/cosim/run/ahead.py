@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from gapsense._os.native import own_compiler
 from gapsense._os.prestart import ahead
 
 AUTO, FMU, NATIVE, VECTORS = ENGINES = ("auto", "fmu", "native", "vectors")
@@ -13,7 +12,11 @@ AUTO, FMU, NATIVE, VECTORS = ENGINES = ("auto", "fmu", "native", "vectors")
 
 def likely_vectors(engine: str) -> bool:
     """True if an engine hardly needs processes: a scenario may turn out to need FMUs all the same."""
-    return engine in (AUTO, VECTORS) and own_compiler() is not None
+    if engine not in (AUTO, VECTORS):
+        return False
+    from gapsense._os.native import own_compiler  # here, so that a run starts fast
+
+    return own_compiler() is not None
 
 
 @contextmanager
