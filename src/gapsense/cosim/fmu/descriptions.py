@@ -26,8 +26,7 @@ from xml.etree.ElementTree import Element, fromstring, tostring
 from gapsense._os.checked import fingerprint
 from gapsense._os.files import sha256, state
 from gapsense._os.locks import FACTS, cache_folder
-from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
-from gapsense.cosim.fmu.library import path_in
+from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, path_in, read_description, refuse_identifier, shown
 from gapsense.fmi import ports
 from gapsense.fmi.ports import Component, Limit, Port
 from gapsense.fmi.values import KINDS, ValuesError, fields

@@ -14,14 +14,15 @@ import zipfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from ctypes import c_bool, c_char_p, c_int, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense._os.files import sha256
 from gapsense._os.locks import temporary_folder as locked_folder
+from gapsense.cosim.fmu.archive import FOLDERS, path_in
 from gapsense.cosim.fmu.descriptions import Description, Variable
-from gapsense.cosim.fmu.library import FOLDERS, Loaded, instance_2, instance_3, load
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -50,6 +51,7 @@ NEEDED = (  # what every run calls, or may
     *("fmi2SetupExperiment", "fmi2EnterInitializationMode", "fmi2ExitInitializationMode"),
     *(STEP, "fmi2Terminate", "fmi2Reset", "fmi2FreeInstance"),
 )
+CO_SIMULATION = 1
 C_TYPES: Mapping[str, Any] = {
     "Real": ctypes.c_double,
     "Integer": ctypes.c_int,
@@ -99,6 +101,78 @@ def process_kept() -> Iterator[None]:
     finally:
         sys.dont_write_bytecode = keeps_nothing
         sys.path[:] = dict.fromkeys(sys.path)
+
+
+# An instance in its library. What fmpy does for this takes longer than many a run: it loads much, and looks at all
+# functions of each instance.
+
+
+Logger2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
+Logger3 = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
+
+
+class Callbacks(ctypes.Structure):
+    """What an FMU of FMI 2.0 may call."""
+
+    _fields_ = [
+        ("logger", Logger2),
+        ("allocate", c_void_p),
+        ("free", c_void_p),
+        ("step_finished", c_void_p),
+        ("environment", c_void_p),
+    ]
+
+
+class Loaded(NamedTuple):
+    """An instance in its library, and what that may call, kept as long as it."""
+
+    library: ctypes.CDLL
+    component: int
+    kept: object
+
+    def free(self, function: str) -> None:
+        """Free the instance by a function of the library, then the library."""
+        free, handle = self.library[function], c_void_p(self.library._handle)
+        free.restype = None
+        free(c_void_p(self.component))
+        if sys.platform == "win32":
+            ctypes.windll.kernel32.FreeLibrary(handle)
+        else:
+            ctypes.CDLL(None).dlclose(handle)
+
+
+def load(folder: Path, fmi: int, identifier: str) -> ctypes.CDLL:
+    """The library of an unpacked FMU; its folder, where some look for what they need, is the working folder then."""
+    file = folder / path_in(fmi, identifier)
+    os.chdir(file.parent)
+    return ctypes.CDLL(str(file))
+
+
+def made(library: ctypes.CDLL, function: str, kept: object, *arguments: Any) -> Loaded:
+    """An instance, from the function that makes it; `kept` are its callbacks."""
+    make = library[function]
+    make.restype = c_void_p
+    component = make(*arguments)
+    if not component:
+        raise OSError(f"{function} returned no instance")
+    return Loaded(library, component, kept)
+
+
+def instance_2(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Loaded:
+    """An instance of FMI 2.0."""
+    standard = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
+    allocate, free = (ctypes.cast(function, c_void_p) for function in (standard.calloc, standard.free))
+    callbacks = Callbacks(logger=Logger2(log), allocate=allocate, free=free)
+    texts = name.encode(), c_int(CO_SIMULATION), guid.encode(), (folder / "resources").as_uri().encode()
+    return made(library, "fmi2Instantiate", callbacks, *texts, ctypes.byref(callbacks), c_int(0), c_int(1))
+
+
+def instance_3(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Loaded:
+    """An instance of FMI 3.0, without event mode, early return and intermediate values."""
+    logger, no, none = Logger3(log), c_bool(False), c_void_p()
+    texts = name.encode(), guid.encode(), os.path.join(folder, "resources", "").encode()  # noqa: PTH118  # ends in `/`
+    options = (no, c_bool(True), no, no, none, c_size_t(0), none)
+    return made(library, "fmi3InstantiateCoSimulation", logger, *texts, *options, logger, none)
 
 
 class Instance:
