@@ -12,10 +12,9 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from xml.parsers import expat
 
-SHORT, SYSTEM, ENDING = {
-    "win32": ("win", "windows", ".dll"),
-    "darwin": ("darwin", "darwin", ".dylib"),
-}.get(sys.platform, ("linux", "linux", ".so"))
+SHORT, SYSTEM, ENDING = {"win32": ("win", "windows", ".dll"), "darwin": ("darwin", "darwin", ".dylib")}.get(
+    sys.platform, ("linux", "linux", ".so")
+)
 BITS = 64 if sys.maxsize > 2**32 else 32
 ARM = "aarch64" if platform.machine().lower() in ("aarch64", "arm64") else ""
 FOLDERS = {2: f"{SHORT}{BITS}", 3: f"{ARM or ('x86_64' if BITS == 64 else 'x86')}-{SYSTEM}"}  # by the version of FMI
