@@ -13,7 +13,7 @@ from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
 from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import cond, floor, load, sqrt, square, where
+from gapsense.kernels.trace import cond, floor, load, not_, sqrt, square, where
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
@@ -23,8 +23,10 @@ USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
 LATEST = 2e-3  # time after the planned arrival in which a stop is still heard without a contact [s]
-SEATED = 0.5e-3  # time after the planned arrival at which it is told [s]
+SEATED = 1.5e-3  # time after the planned arrival at which it is told [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
+APART = (1.25, 0.75)  # of the reluctance of a seated mover: a closing, an opening beyond has not arrived in time
+FOLLOW = 0.1  # share by which that follows a mover that seems farther away
 UNKNOWN = 1e3  # error of what was not measured
 
 
@@ -78,17 +80,27 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     return where(plan.is_closing, after - before, before - after)
 
 
-def arrived(state: State, par: Parameters) -> tuple[Scalar, Scalar]:
-    """Whether the operation under way has ended at its stop, and whether it has not, by current over flux linkage."""
+def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
+    """Whether the mover was at its stop when it was due, whether it was not, and the reluctance seated from then on.
+
+    The reluctance is current over flux linkage, of that of the open actuator; `seated` is that of the last operations
+    that have arrived.
+    """
     running, n, T_s, m = state.running, piece(par), par.sample_time, make_mover(par)
     is_kept = (running.due > n) & (running.due + n <= running.age) & (running.due + n < LONGEST)
     at, is_closing = running.command * LONGEST + where(is_kept, running.due, n), running.command > 0.5
     charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
     opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
     open_charge = 2.0 * n * T_s * flux * opened
-    is_closed, is_open = charge < CLOSED * open_charge, charge > OPENED * open_charge
     is_told = is_kept & (flux > TELLING)
-    return is_told & where(is_closing, is_closed, is_open), is_told & where(is_closing, is_open, is_closed)
+    found = charge / where(is_told, open_charge, 1.0)
+    is_closed, is_open = found < CLOSED, found > OPENED
+    is_elsewhere = where(is_closing, found > APART[0] * seated, found < APART[1] * seated)
+    is_absent = is_told & where(seated > 0.0, is_elsewhere, is_closing & is_open)
+    is_there = is_told & where(is_closing, is_closed, is_open) & not_(is_absent)
+    is_better = (seated <= 0.0) | where(is_closing, found < seated, found > seated)
+    follows = where(is_better, found, seated + FOLLOW * (found - seated))
+    return is_there, is_absent, where(is_told & not_(is_absent), follows, seated)
 
 
 def due(plan: Operation, par: Parameters) -> Scalar:
