@@ -83,7 +83,8 @@ def _with_hit(state: State, par: Parameters) -> Heard:
     heard, running = state.heard, state.running
     plan = planned(running.command, running.speed, running.travel, 0.0, par)
     late = heard.landing * par.sample_time - plan.lead - arrival(plan)
-    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY))
+    is_after_it = (heard.landing - heard.hit) * par.sample_time > TARDY
+    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
     return heard._replace(landing=where(is_before, heard.hit, heard.landing))
 
 
