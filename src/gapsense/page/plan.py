@@ -5,8 +5,7 @@ No number is in both, and no text about ports is written here: it comes from whe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import isnan
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +13,6 @@ from gapsense.cosim.run.part import Layout, constants, first_exchange, first_tur
 from gapsense.cosim.run.recording import Subject, Take, shape
 from gapsense.cosim.scenario.records import Component, Port, ports, texts
 from gapsense.fmi.native.headers import literal
-from gapsense.fmi.ports import Component as PortTable
 from gapsense.page.module import SYMBOLS, parts
 from gapsense.tables import Value
 
