@@ -1,4 +1,4 @@
-"""Pages of the site in which a scenario runs, made anew where older than the sources; a comment puts one into a page."""
+"""Pages in which a scenario runs, made anew where older than the sources; a comment puts one into a page."""
 
 from __future__ import annotations
 
@@ -60,4 +60,3 @@ def framed(markdown: str, to_root: str) -> str:
         return FRAME.format(place=f"{to_root}{place(found[1])}", title=title)
 
     return MARK.sub(frame, markdown)
-

@@ -12,6 +12,7 @@ from gapsense._os.files import refuse_unwritable
 from gapsense.cli import common as cli
 from gapsense.cli import console
 from gapsense.cli.report import free
+from gapsense.problems import InputError
 
 
 @cli.command("page")
@@ -32,12 +33,16 @@ def page(
     The numbers are those of `gapsense run`, bit for bit. Which values a reader can change the scenario says in
     `[page]`. The file is compiled by ziglang (`pip install 'gapsense[native,report]'`).
     """
+    from gapsense._os.native import NativeError
     from gapsense.page.page import write_page
 
     source = cosim.changed(scenario, settings or ())
     to = to or free(Path(cosim.result_file(Path(), scenario, variant, settings or ()).with_suffix(".html").name))
     refuse_unwritable(to)
-    file = write_page(source, to, variant, console.chosen(scenario, fmus, False))
+    try:
+        file = write_page(source, to, variant, console.chosen(scenario, fmus, False))
+    except NativeError as error:
+        raise InputError([str(error)]) from error
     console.written(file)
     if show:
         cli.shown(file)

@@ -23,7 +23,7 @@ function fourDigits(value) {
   if (!Number.isFinite(value)) return pythonNumber(value);
   const [mantissa, power] = value.toExponential(3).split("e");
   const exponent = Number(power);
-  if (value === 0) return "0";
+  if (value === 0) return Object.is(value, -0) ? "-0" : "0";
   if (exponent >= -4 && exponent < 4) return String(Number(value.toPrecision(4)));
   return `${Number(mantissa)}e${exponent < 0 ? "-" : "+"}${String(Math.abs(exponent)).padStart(2, "0")}`;
 }
@@ -36,7 +36,7 @@ function prefixed(value, unit, { prefixes, unprefixed }) {
 }
 
 function quantity(value, unit, plan) {
-  const rounded = Number(value.toPrecision(4));
+  const rounded = value && Number(value.toPrecision(4));
   if (unit === "" || unit === "1" || !Number.isFinite(value)) return fourDigits(rounded);
   const [factor, shown] = prefixed(rounded, unit, plan);
   return `${fourDigits(rounded / factor)} ${shown}`;
