@@ -29,7 +29,7 @@ def example(request: pytest.FixtureRequest) -> Path:
 @pytest.mark.parametrize(
     "file",
     [
-        pytest.param(f, marks=[pytest.mark.slow] * (f.stem in ("your_valve", "soft_landing")), id=f.stem)
+        pytest.param(f, marks=[pytest.mark.slow] * (f.stem in ("soft_landing", "your_valve")), id=f.stem)
         for f in EXAMPLES
     ],
 )
