@@ -25,7 +25,7 @@ from gapsense.units import UNITS
 
 ERROR = 3
 FAULTS = ("exception", "nothing", "nan", "infinite")  # of drivers.FAULTS
-EXITS = [16, pytest.param(50, marks=pytest.mark.slow)]  # processes that end
+EXITS = [8, pytest.param(50, marks=pytest.mark.slow)]  # processes that end
 
 
 # What is in the file --------------------------------------------------------------------------------------------------
