@@ -53,8 +53,8 @@ def build(
     platforms: Annotated[
         list[str] | None,
         typer.Option(
-            help="Platforms of native FMUs, separated by commas: linux64, win64, darwin64, aarch64-linux, wasm32-wasip2,"
-            " here",
+            help="Platforms of native FMUs, separated by commas: linux64, win64, darwin64, aarch64-linux,"
+            " wasm32-wasip2, here",
             show_default="all but wasm32-wasip2 with ziglang, else this machine's",
         ),
     ] = None,
