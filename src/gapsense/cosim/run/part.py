@@ -149,8 +149,6 @@ class Channel:
     def fill(self, buffer: array[float], texts: Texts) -> str:
         """Take the values for the FMU; what is wrong with one, or nothing."""
         values, kind = self.values, self.kind
-        if self.is_in_place:
-            return ""
         if kind == "String":
             values[:] = [texts[port].encode("utf-8") for port in self.ports]
         elif self.range is None:
@@ -253,9 +251,8 @@ class Part:
             for heard, said in spoken:
                 texts[heard] = texts[said]
             for channel in givers:
-                self.problem = channel.fill(buffer, texts)
-                if self.problem:
-                    return NOT_FITTING
+                if not channel.is_in_place and (problem := channel.fill(buffer, texts)):
+                    return self.unfit(problem)
                 status = channel.move()
                 if status > WARNING:
                     return self.checked(status, channel.function)
@@ -280,14 +277,29 @@ class Part:
 
     def read_outputs(self) -> str:
         """Read the outputs; what failed, or nothing."""
-        for channel in self.readers:
-            status = channel.move()
-            if status > WARNING:
-                return self.checked(status, channel.function)
-            self.problem = channel.empty(self.buffer, self.texts)
-            if self.problem:
-                return NOT_FINITE if self.problem == NOT_FINITE else NOT_FITTING
-        return ""
+        return self.reader()()
+
+    def reader(self) -> Callable[[], str]:
+        """Function that reads the outputs; returns what failed, or nothing."""
+        calls = [(channel.move, channel.empty, channel.function) for channel in self.readers]
+        buffer, texts, warning = self.buffer, self.texts, WARNING
+
+        def read() -> str:
+            for move, empty, function in calls:
+                status = move()
+                if status > warning:
+                    return self.checked(status, function)
+                problem = empty(buffer, texts)
+                if problem:
+                    return problem if problem == NOT_FINITE else self.unfit(problem)
+            return ""
+
+        return read
+
+    def unfit(self, problem: str) -> str:
+        """That a value does not fit, with what is wrong kept for the message."""
+        self.problem = problem
+        return NOT_FITTING
 
     def checked(self, status: int, function: str) -> str:
         """Nothing for a good status; otherwise the function's name, and the status is kept for the message."""
@@ -300,7 +312,7 @@ class Part:
         For Gauss-Seidel the inputs are taken first, unless nothing is connected to them: then they never change.
         """
         take = self.taker() if takes_inputs and self.follows else None
-        do, read = self.instance.doer(self.component.step * base_step), self.read_outputs
+        do, read = self.instance.doer(self.component.step * base_step), self.reader()
 
         def step(start: float) -> str:
             failed = take() if take else ""
