@@ -284,6 +284,19 @@ RECORDING = Section(
         Key("decimation", COUNT, "Base steps from one recorded row to the next", "10", default=1),
     ),
 )
+PAGE = Section(
+    "[page]",
+    "What `gapsense page` offers its readers to change.",
+    (
+        Key(
+            "controls",
+            TEXTS,
+            "Parameters `component.parameter`, in the order in which they are shown",
+            '["valve.damping", "sensor.noise.current"]',
+            otherwise="the first ten tunable ones that the components are given",
+        ),
+    ),
+)
 METRIC = Section(
     "[metrics.<metric>]",
     "One number computed from the samples of a recorded signal: the rows at which its component has just stepped.",
@@ -401,6 +414,7 @@ FILE = Section(
         Key("sweep", TABLE, "Sweep", section=SWEEP),
         Key("record", TABLE, "Recording", section=RECORDING),
         Key("metrics", TABLE, "Metrics", section=METRICS),
+        Key("page", TABLE, "Controls of a page", section=PAGE),
         Key("baseline", TABLE, "Baseline", section=BASELINE),
         Key("variants", TABLE, "Variants", section=VARIANTS),
     ),
