@@ -4,6 +4,9 @@ The mover that hits a stop is suddenly slower, or moves back; with it changes th
 the reluctance times the flux linkage times the change of the speed.  A contact that closes only after the bounce says
 nothing of that impact.  Here the kink is looked for in every window of `TAPS` readings, by a fit of two lines that meet
 in the middle; if a motion that lands has one of the right sign and size near its stop, it has landed there.
+
+Such a landing tells the coefficient of restitution.  Where the spring drives the mover the kink is too small, and the
+restitution tells how long before the contact the first impact was.
 """
 
 from __future__ import annotations
@@ -140,8 +143,13 @@ def sought(
 
 
 def noisy(now: ekf.State, par: ekf.Parameters) -> Scalar:
-    """Standard deviation of the readings [A]: that told, or more where they are farther off."""
-    return par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
+    """Standard deviation of the readings [A]: that told, or more where the innovations are larger than expected.
+
+    Their expected variance is at most r^2 + r q + q^2, where e_i walks by q between two readings with noise r.
+    """
+    r, q = par.noise_current, par.process_current_error
+    more = where(now.watch.surprise > 1.0, now.watch.surprise - 1.0, 0.0)
+    return sqrt(square(r) + more * (square(r) + r * q + square(q)))
 
 
 def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
