@@ -57,6 +57,16 @@ def test_record_that_is_not_late_keeps_its_times():
     assert result.drive == {} and result.uncertainty.causes == {}
 
 
+def test_edges_that_lie_differently_have_a_place_each():
+    """With one delay for all of them the model leaves twice the noise, and errors are several times as large."""
+    drive = {"period": 16.03e-3, "on": 5.02e-3, "edge": 0.2}
+    result = fit_valve([made(26, **drive)], VALVE, starts=1, sought=Sought(("eddy",)))
+    assert result.is_explained and result.form.added == ()
+    assert len(result.places) == 4 and np.ptp([*result.places.values()]) > 0.3
+    assert max(map(abs, z(result).values())) < 3.0 and result.uncertainty.relative[0] < 0.006
+    assert "the place of each is sought" in " ".join(remarks(result)) and labels(result)[-1] == "coil.resistance"
+
+
 def test_eddy_currents_are_not_taken_for_a_delay():
     result = fit_valve([made(24, eddy=1e-3)], VALVE, starts=1, sought=Sought(("eddy",)))
     assert result.form.added == ("eddy",) and result.drive == {}

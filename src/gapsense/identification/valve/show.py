@@ -277,6 +277,11 @@ def remarks(result: Identified) -> list[str]:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
+    if result.places:
+        said.append(
+            f"The {len(result.places)} edges of the voltage lie differently between two samples: the place of each is"
+            " sought, and its doubt is in the standard errors."
+        )
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     said += explanations(result)
