@@ -98,7 +98,8 @@ def record(c: Condition, volts: float, count: int, rng: np.random.Generator) -> 
     late = c.skew / fine
     current = np.interp(np.arange(t.size) - late, np.arange(t.size), lowpass(current, fine, c.filtered))
     v, i = (lowpass(x, fine, c.blurred)[FINE - 1 :: FINE] for x in (seen, current))
-    i = c.gain * i + c.offset + c.drift * np.linspace(0.0, 1.0, i.size) + c.hum * np.sin(2.0 * np.pi * 50.0 * np.arange(i.size) * c.dt + 1.0)
+    hum = c.hum * np.sin(2.0 * np.pi * 50.0 * np.arange(i.size) * c.dt + 1.0)
+    i = c.gain * i + c.offset + c.drift * np.linspace(0.0, 1.0, i.size) + hum
     v, i = (x + c.noise * NOISE[name] * rng.standard_normal(x.size) for name, x in (("voltage", v), ("current", i)))
     i = np.round(i / c.step) * c.step if c.step else i
     values = {"time": np.arange(samples) * c.dt, "voltage": v, "current": i}

@@ -55,7 +55,8 @@ def cause(name: str) -> Cause:
     if not is_place(name):
         return {**CAUSES, **HIDDEN}[name]
     sample = int(name.rpartition(".")[2])
-    return Cause("1", _one, lambda s, x: displaced(s, sample, x), "an edge that comes later, in samples, by", small=0.01)
+    said = "an edge that comes later, in samples, by"
+    return Cause("1", _one, lambda s, x: displaced(s, sample, x), said, small=0.01)
 
 
 def is_place(name: str) -> bool:

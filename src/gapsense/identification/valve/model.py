@@ -317,10 +317,9 @@ class Prepared(NamedTuple):
 
     @property
     def edges(self) -> list[str]:
-        """Names of the places of all edges that are far enough from each other, in operations."""
-        spans = [(flux.operations[0].start, flux.operations[-1].stop) for flux in self.fluxes]
+        """Names of the places of all edges that are far enough from each other, from the first operation on."""
         every = [(j, k) for j, record in enumerate(self.records) for k in edges(record.voltage)]
-        return [f"{PLACE}{j}.{k}" for j, k in every if spans[j][0] < k <= spans[j][1]]
+        return [f"{PLACE}{j}.{k}" for j, k in every if self.fluxes[j].operations[0].start < k]
 
     def moved(self, by: Mapping[str, float]) -> Prepared:
         """The same with other values of the causes."""
