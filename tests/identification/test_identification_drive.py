@@ -11,6 +11,7 @@ from imperfect_records import record as imperfect
 from valve_records import record
 
 from gapsense.identification import identify as choice
+from gapsense.identification.measurements.checks import operation_problems
 from gapsense.identification.residual import residual, verdict
 from gapsense.identification.valve.driver import UNKNOWN, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
@@ -65,6 +66,21 @@ def test_edges_that_lie_differently_have_a_place_each():
     assert len(result.places) == 4 and np.ptp([*result.places.values()]) > 0.3
     assert max(map(abs, z(result).values())) < 3.0 and result.uncertainty.relative[0] < 0.006
     assert "the place of each is sought" in " ".join(remarks(result)) and labels(result)[-1] == "coil.resistance"
+
+
+def test_drift_of_the_current_is_told_as_such():
+    moved = made(28, 3, drift=10e-3)
+    (said,) = operation_problems(moved, "x.csv", None)
+    assert "its zero drifts" in said
+    assert not [*operation_problems(made(28, 3), "x.csv", None)]
+
+
+def test_hum_of_a_milliampere_is_no_offset():
+    rng = np.random.default_rng(11)
+    both = [imperfect(Condition(hum=1e-3), volts, n, rng) for volts, n in ((30.0, 3), (24.0, 2))]
+    result = fit_valve(both, VALVE, starts=1, sought=Sought(("eddy",)))
+    said = " ".join(remarks(result))
+    assert not result.is_explained and "the usual cause is hum of the mains" in said and "offset" not in said
 
 
 def test_eddy_currents_are_not_taken_for_a_delay():

@@ -180,7 +180,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
             f"The search ends {after}, not at a minimum: its slopes promise {100.0 * result.promise:.0f} % less, but no"
             " step keeps that. Begin with other values, those of the core above all."
         )
-    if is_usual and result.is_explained:
+    if is_usual and result.is_explained and not result.at_limit:
         said.append(
             f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
         )

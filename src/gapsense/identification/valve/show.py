@@ -27,7 +27,7 @@ from gapsense.identification.parameter_set import (
     write_set,
     write_table,
 )
-from gapsense.identification.residual import verdict
+from gapsense.identification.residual import hums, verdict
 from gapsense.identification.show import TWO_SIDED, Validation, about, compare, validation
 from gapsense.identification.temperature import Coefficient
 from gapsense.identification.valve import lossy_valve
@@ -312,6 +312,10 @@ def explanations(result: Identified) -> list[str]:
         f"{CAUSES[n].sentence} {quantity(shares[n].value, CAUSES[n].unit)} ({100.0 * shares[n].part:.0f} %)"
         for n in likely_causes(shares)
     ]
-    if result.is_explained or not found:
+    if result.is_explained:
+        return []
+    if said := hums(result.residuals):
+        return [f"Of what a record leaves, {said}: the usual cause is hum of the mains."]
+    if not found:
         return []
     return [f"Most likely causes, apart from other values of the parameters: {', or '.join(found)}."]
