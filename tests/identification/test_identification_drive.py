@@ -12,10 +12,11 @@ from valve_records import record
 
 from gapsense.identification import identify as choice
 from gapsense.identification.measurements.checks import operation_problems
+from gapsense.identification.options import CONVENTIONS
 from gapsense.identification.residual import residual, verdict
 from gapsense.identification.valve.driver import UNKNOWN, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
-from gapsense.identification.valve.form import Sought
+from gapsense.identification.valve.form import Sought, value_of
 from gapsense.identification.valve.model import prepare, simulate_experiment, take_out_causes
 from gapsense.identification.valve.show import labels, remarks
 from gapsense.studies.devices import VALVE
@@ -29,7 +30,8 @@ def made(seed: int, count: int = 2, **condition):
 
 def z(result: Identified) -> dict[str, float]:
     errors = zip(result.names, result.uncertainty.relative)
-    return {n: (getattr(result.parameters, n) / getattr(VALVE, n) - 1.0) / e for n, e in errors}
+    found = {n: (float(value_of(result.parameters, n)), e) for n, e in errors if hasattr(VALVE, n)}
+    return {n: (value / getattr(VALVE, n) - 1.0) / e for n, (value, e) in found.items()}
 
 
 @cache
@@ -63,7 +65,7 @@ def test_edges_that_lie_differently_have_a_place_each():
     drive = {"period": 16.03e-3, "on": 5.02e-3, "edge": 0.2}
     result = fit_valve([made(26, **drive)], VALVE, starts=1, sought=Sought(("eddy",)))
     assert result.is_explained and result.form.added == ()
-    assert len(result.places) == 4 and np.ptp([*result.places.values()]) > 0.3
+    assert len(result.places) == 5 and np.ptp([*result.places.values()]) > 0.3
     assert max(map(abs, z(result).values())) < 3.0 and result.uncertainty.relative[0] < 0.006
     assert "the place of each is sought" in " ".join(remarks(result)) and labels(result)[-1] == "coil.resistance"
 
@@ -81,6 +83,13 @@ def test_hum_of_a_milliampere_is_no_offset():
     result = fit_valve(both, VALVE, starts=1, sought=Sought(("eddy",)))
     said = " ".join(remarks(result))
     assert not result.is_explained and "the usual cause is hum of the mains" in said and "offset" not in said
+
+
+def test_filter_of_both_channels_makes_no_eddy_currents():
+    result = fit_valve([made(27, blurred=32e-6)], VALVE, starts=1, conventions=CONVENTIONS, sought=Sought(("eddy",)))
+    assert result.is_explained and result.convention == "filtered"
+    assert "core_eddy" not in {*result.names} - {*result.poor}
+    assert max(map(abs, z(result).values())) < 3.0
 
 
 def test_eddy_currents_are_not_taken_for_a_delay():

@@ -18,7 +18,7 @@ from gapsense.identification.coil.show import coil_errors, coil_tables, write_co
 from gapsense.identification.gap_law.laws import Law
 from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
-from gapsense.identification.measurements.record import Reading, Record, between, part
+from gapsense.identification.measurements.record import Reading, Record, between, memory, part
 from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
 from gapsense.identification.residual import noises
 from gapsense.identification.show import measured_and_model
@@ -79,6 +79,7 @@ def split_names(texts: Sequence[str]) -> list[str]:
 TABLE_I = "[SEMERA] Table I"
 HOLD = " (in place of `gap.slope` also `coil.turns`, with `--hold coil.turns`)"
 TITLE = "Measured and identified"
+SHARP = tuple(name for name in CONVENTIONS if name != "filtered")
 LAW = Law("sought", 0.0, ())
 
 
@@ -144,7 +145,7 @@ def read(
         sought=seeking,
         records=[record._replace(drive=drive.values) for record in records],
         kept=read_records(validate, how, needs="rest"),
-        conventions=CONVENTIONS if is_open else (),
+        conventions=CONVENTIONS if is_open and any(memory(record.voltage) for record in records) else SHARP * is_open,
         convention=how.convention,
         sources=data,
         file=parameters,
@@ -221,7 +222,7 @@ def identify(given: Given, to: Path, starts: int, seed: int, progress: Progress)
     if given.model == "solenoid_valve":
         given.ask()
     par, period, open_ = given.known.parameters, given.period, given.conventions
-    coil, told = coil_of(given.model, given.records, par, period, open_, progress)
+    coil, told = coil_of(given.model, given.records, par, period, open_[: len(SHARP)], progress)
     if coil is not None:
         return finish_coil(given, coil, told, to)
     given.ask()

@@ -81,14 +81,14 @@ def is_noise(x: Vector) -> bool:
 def drift(record: Record) -> float:
     """How far the level of the current at rest moves from operation to operation, beyond chance [A].
 
-    The rest before each operation counts, and the end of the record, as far as the current still there.
+    Rest before each operation counts, and that at the end of the record, where the current is steady.
     """
-    i, places = record.current, [*starts(record), record.times.size]
-    rests = [i[max(k - MANY, 0) : k] for k in places if k >= MANY]
+    i, off = record.current, np.abs(record.voltage) < leaves(record.voltage, "voltage")
+    ends = [k for k in (*starts(record), record.times.size) if k >= MANY]
+    rests = [i[k - MANY : k] for k in ends if off[k - MANY : k].all()]
     sigma = max(noise(i), hidden(i)) / np.sqrt(MANY / 2)
     still = [x for x in rests if abs(x[: MANY // 2].mean() - x[MANY // 2 :].mean()) < SIGMAS * np.sqrt(2.0) * sigma]
-    v = record.voltage[-MANY:] if places[1:] else np.ones(1)
-    if len(still) < 2 or np.abs(v).max() > leaves(record.voltage, "voltage"):
+    if len(still) < 2:
         return 0.0
     levels = np.array([x.mean() for x in still])
     moved = float(levels[-1] - levels[0])
