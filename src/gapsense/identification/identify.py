@@ -20,7 +20,9 @@ from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
 from gapsense.identification.measurements.record import Reading, Record, between, memory, part
 from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
+from gapsense.identification.parameter_set import parameters_of
 from gapsense.identification.residual import noises
+from gapsense.identification.scale import scaled
 from gapsense.identification.show import measured_and_model
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
 from gapsense.identification.valve.driver import Driver, doubt_resistance, driver_notes, read_driver
@@ -240,7 +242,8 @@ def finish_valve(given: Given, start: Gap, result: Identified, told: Sequence[st
     kept = [between(record._replace(drive=result.drive), convention) for record in given.kept]
     checks = validate_valve(result.parameters, kept, coefficient)
     notes = [*driver_notes(result.drive), *temperature_notes(R, coefficient)]
-    write_valve(to, result, keep_law(given.known, result, to), given.sources, noises(records), notes)
+    tuning = {**noises(records), **scaled(records, result.models, result.residuals, parameters_of("mhe", None))}
+    write_valve(to, result, keep_law(given.known, result, to), given.sources, tuning, notes)
     doubts = doubt_resistance(R, given.known.resistance)
     tables = [*start.told, *valve_tables(result, records, checks), *describe_gap(result, records)]
     return Finished(

@@ -24,7 +24,7 @@ FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
 SMALL = 3e-3  # of the largest current: less is none
 REST = 20  # samples before the first operation that tell the noise
 AFTER = 4  # samples after a jump of the voltage that count as its edge
-MAINS, PERIODS, HUMS = (50.0, 60.0), 1.5, 0.25  # Hz; that a record needs; part of the squares that is no chance
+MAINS, PERIODS, HUMS = (50.0, 60.0), 2.0, 0.25  # Hz; that a record needs; part of the squares that is no chance
 CAUSES = {
     "edges": "what the voltage is between two samples (`--voltage`), or too few samples",
     "motion": "the mechanics, the law of the gap, or core losses or a saturation that this model does not have: see"

@@ -23,6 +23,7 @@ from gapsense.identification.least_squares import Matrix
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
+from gapsense.identification.scale import scaled
 from gapsense.identification.show import Validation, about, measured_and_model, validation
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
@@ -76,7 +77,9 @@ def priors(result: Commissioned) -> dict[str, float]:
 
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
     """What was given, with what was found; without a sampling period of the estimators that of the records."""
-    return {"sample_time": result.drives[0].record.dt, **device(result.parameters), **given, **found_values(result)}
+    dt = result.drives[0].record.dt
+    tuning = scaled([d.record for d in result.drives], result.models, result.residuals, result.parameters)
+    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **found_values(result)}
 
 
 def device(par: Parameters) -> dict[str, Value]:

@@ -102,7 +102,7 @@ def write_valve(
     result: Identified,
     known: Known,
     sources: Sequence[Path],
-    noises: Mapping[str, float],
+    tuning: Mapping[str, float],
     notes: Sequence[str] = (),
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
@@ -112,7 +112,7 @@ def write_valve(
     entries = [
         *(_entry(name, result) for name in names),
         *_gap(file, result, known),
-        *(Entry(name, value, "of the records, for estimators") for name, value in noises.items()),
+        *(Entry(name, value, "of the records, for estimators") for name, value in tuning.items()),
     ]
     return write_set(
         file,
