@@ -23,11 +23,11 @@ from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
 from gapsense.identification.parameter_set import parameters_of
 from gapsense.identification.residual import noises
 from gapsense.identification.scale import scaled
-from gapsense.identification.show import measured_and_model
+from gapsense.identification.show import measured_and_model, untold
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
 from gapsense.identification.valve.driver import Driver, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
-from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, plain
+from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, needed, plain
 from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, find_gap, keep_law
 from gapsense.identification.valve.model import check_guess, take_out_causes
 from gapsense.identification.valve.show import (
@@ -245,11 +245,15 @@ def finish_valve(given: Given, start: Gap, result: Identified, told: Sequence[st
     tuning = {**noises(records), **scaled(records, result.models, result.residuals, parameters_of("mhe", None))}
     write_valve(to, result, keep_law(given.known, result, to), given.sources, tuning, notes)
     doubts = doubt_resistance(R, given.known.resistance)
+    is_sound = result.is_explained and not doubts
+    stops = [PORTS[field].name for field in needed(result.form) if field not in result.assumed]
+    said = untold(stops, given.drive.accuracy, " `--accuracy` puts what is known of them into the errors.")
+    doubts = [*doubts, *([said] if said else [])]
     tables = [*start.told, *valve_tables(result, records, checks), *describe_gap(result, records)]
     return Finished(
         shown=[*tables, *temperature_tables(records, R, coefficient), *doubts, *told],
         figure=lambda: measured_and_model(TITLE, [*zip(records, result.models)], checks),
-        passed=result.is_explained and not doubts,
+        passed=is_sound,
         standard_errors=valve_errors(result),
     )
 
@@ -260,8 +264,9 @@ def finish_coil(given: Given, result: Coil, told: Sequence[str], to: Path) -> Fi
     checks = [validate_coil(result, record) for record in kept]
     turns = given.known.parameters.coil_turns if "coil_turns" in given.known.given else 0.0
     write_coil(to, result, turns, given.sources)
+    said = untold((), given.drive.accuracy)
     return Finished(
-        shown=[*coil_tables(result, turns, checks), *told],
+        shown=[*coil_tables(result, turns, checks), *([said] if said else []), *told],
         figure=lambda: measured_and_model(TITLE, [*zip(result.records, result.models)], checks, shows_flux=True),
         passed=result.is_explained,
         standard_errors=coil_errors(result, turns),

@@ -24,7 +24,7 @@ from gapsense.identification.parameter_set import Entry, error_note, rounded, wr
 from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
 from gapsense.identification.scale import scaled
-from gapsense.identification.show import Validation, about, measured_and_model, validation
+from gapsense.identification.show import Validation, about, measured_and_model, untold, validation
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
@@ -151,6 +151,7 @@ def actuator_tables(
         table("Parameters", HEADS, rows),
         *([validation(checks)] if checks else []),
         *assumptions(known, assumed),
+        untold([name for name in (*STOPS, "coil.turns") if name not in assumed]),
         *remarks(result, before),
         *(text for record in records for text in about(record)),
     ]
