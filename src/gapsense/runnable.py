@@ -278,12 +278,7 @@ class Runnable:
         return arrays
 
     def _in_c(
-        self,
-        inputs: list[Floats],
-        chosen: list[int],
-        values: Mapping[str, Any],
-        start: float,
-        step: float,
+        self, inputs: list[Floats], chosen: list[int], values: Mapping[str, Any], start: float, step: float
     ) -> Floats | None:
         """The outputs by C; None where no compiler is. What fails is done again in Python, for its words."""
         if own_compiler() is None:
@@ -300,12 +295,7 @@ class Runnable:
         return data
 
     def _in_python(
-        self,
-        inputs: list[Floats],
-        run: int,
-        values: Mapping[str, Any],
-        start: float,
-        step: float,
+        self, inputs: list[Floats], run: int, values: Mapping[str, Any], start: float, step: float
     ) -> Floats:
         """The outputs of one run (outputs, samples) by the scalar code."""
         advance, state, found = self._advance(self._prepared(values)), None, array("d")
