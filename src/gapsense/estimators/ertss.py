@@ -11,7 +11,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators import ekf, kinks, readings
-from gapsense.estimators.ekf import Tuning, physical, process_noise, tuning
+from gapsense.estimators.ekf import ROWS as ROWS
+from gapsense.estimators.ekf import Arrays, Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, fix, predict, project, smooth
 from gapsense.estimators.motions import (
     RING,
@@ -344,3 +345,8 @@ def _loaded(samples: Array, place: Scalar) -> Sample:
 def _shown(estimate: ekf.Estimates) -> Shown:
     """Outputs of an estimate."""
     return Shown(*(getattr(estimate, name.partition("_")[2]) for name in Shown._fields))
+
+
+def arrays(state: State, par: Parameters) -> Arrays:
+    """Those of the filter, for hosts that read arrays."""
+    return ekf.arrays(state.filter, par.filter)
