@@ -180,8 +180,7 @@ def choose_timing(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, 
     other, at, found = Fit(best.form), [first.experiment for first in firsts], [(0.0, without)]
     inside = [name for name in prepared.edges if best.form.added and is_inside(name, firsts)]  # else all, at the end
     for causes in (("delay",), tuple(inside)):
-        is_tried = best.form.added or not correction(other, best.ratios, at, causes).is_doubtful
-        if causes and is_tried:
+        if causes and (best.form.added or not correction(other, best.ratios, at, causes).is_doubtful):
             names = (*drive.fitted, *causes)
             start, moved = settle(fit, ratios, prepared, names)
             if moved.is_alike:

@@ -173,6 +173,7 @@ class Identified(NamedTuple):
 
 
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
+MUCH = 0.7  # of the squares that are left: with less, places of edges explain much, whatever else is there
 AT_REST = 1e-5  # relative change of the resistances
 MOST = 8  # times that charges are balanced
 
@@ -257,7 +258,8 @@ def _with_edges(fit: Fit, at: Found, causes: Sequence[str]) -> Found:
         return at
     found = _minimise(fit, at.ratios, at.prepared.without_delay(names), (*causes, *names), is_searched=False)
     left, now = (np.concatenate(currents_left(fit.form, one.ratios, one.experiments)) for one in (at, found))
-    return found if evidence(left, now, len(names)) > ENOUGH and not found.prepared.is_alike else at
+    is_better = evidence(left, now, len(names)) > ENOUGH or float(now @ now) < MUCH * float(left @ left)
+    return found if is_better and not found.prepared.is_alike else at
 
 
 def _by_noise(result: Identified, at: Found) -> Vector:
