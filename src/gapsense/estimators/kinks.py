@@ -35,9 +35,9 @@ from gapsense.kernels.trace import clip, cond, fabs, loop, not_, sqrt, square, w
 
 SIDE = 6  # samples on each side of a kink
 TAPS = 2 * SIDE + 1
-CLEAR = 4.5  # standard deviations of a kink that is none of noise
-SURE = 2.0  # the same beyond that with which a kink is not missed
-SHARES = 0.5, 3.0  # least and largest one of the kink of a mover that stops dead
+CLEAR = 8.0  # standard deviations of a kink that is none of noise
+LEAST = 0.5  # share of the kink of a mover that stops dead
+SEEN = 0.7  # share that would be clear where none has been: then there was no bounce
 ROUGH = 2.0, 0.3  # what the readings may be off the two lines: in deviations of the noise, in kinks
 NEAR = 0.5  # largest distance from the stop, in strokes, of an estimate whose kink is an impact on it
 UNSURE = 0.2  # least standard deviation of the position, in strokes: that of the filter may be too small
@@ -116,15 +116,14 @@ def sought(
 
     def flying() -> Kink:
         z, z_prev, lam = (now.x[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
-        noise = noisy(now, par)
+        noise = par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
         jump = m.T_s * (now.voltage - before.voltage) * shifted[0]  # of the current's slope, times the flux linkage
         is_steady = is_read & (fabs(jump) <= SPREAD * noise * fabs(lam))
         steady = where(is_steady, kink.steady + 1.0, 0.0)
         can_see = (steady >= TAPS) & (motion.count >= TAPS)
         slope = total(w * i for w, i in zip(KINK, shifted))
         size = where(lam * (z - z_prev) < 0.0, slope, -slope)
-        is_near = fabs(z - motion.stop) >= 1.0 - NEAR
-        is_large = can_see & is_near & (size > kink.size) & (size >= CLEAR * SPREAD * noise)
+        is_large = can_see & (size > kink.size) & (size >= CLEAR * SPREAD * noise)
         is_clear = cond(is_large, lambda: _is_two_lines(shifted, size, noise), lambda: False)
         passes = is_moving(now.mode) & (fabs(z - motion.stop) >= 1.0)
         std = deviation(now.P[POSITION, POSITION])
@@ -140,16 +139,6 @@ def sought(
         )
 
     return cond(is_moving(before.mode), flying, nothing)
-
-
-def noisy(now: ekf.State, par: ekf.Parameters) -> Scalar:
-    """Standard deviation of the readings [A]: that told, or more where the innovations are larger than expected.
-
-    Their expected variance is at most r^2 + r q + q^2, where e_i walks by q between two readings with noise r.
-    """
-    r, q = par.noise_current, par.process_current_error
-    more = where(now.watch.surprise > 1.0, now.watch.surprise - 1.0, 0.0)
-    return sqrt(square(r) + more * (square(r) + r * q + square(q)))
 
 
 def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
@@ -216,9 +205,7 @@ def impacted(
     return at
 
 
-def judged(
-    kink: Kink, at: Gaussian, now: ekf.State, stop: Scalar, told: Told, m: Model, par: ekf.Parameters
-) -> Verdict:
+def judged(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ekf.Parameters) -> Verdict:
     """A landing on `stop`; `at` is the estimate at the supposed impact, `told` what the landings before it have told.
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
@@ -229,19 +216,20 @@ def judged(
     z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
     slope = gap_law(stop, m)[1]
     dead = fabs(slope * lam * (z - z_prev))
-    is_told = (kink.size > 0.0) & (kink.size >= SHARES[0] * dead) & (kink.size <= SHARES[1] * dead)
+    is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
+    is_told = is_kinked & (fabs(z - stop) <= NEAR)
     is_sprung = fabs(magnetic_force(slope, lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
     is_free = is_sprung & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
-    sure = (CLEAR + SURE) * SPREAD * noisy(now, par)
-    would_show = (kink.was_steady > 0.5) & (SHARES[0] * dead >= sure)
+    clear = CLEAR * SPREAD * par.noise_current
+    would_show = (kink.was_steady > 0.5) & (LEAST * dead >= clear)
     is_beyond = not_(would_show) & (kink.beyond >= where(is_free, told.free, BEYOND_PULLED))
     is_likely = (told.free <= BEYOND_BOUNCING) | (kink.beyond >= BEYOND_PULLED)
-    is_guessed = not_(is_told) & is_beyond & is_free & is_likely
-    is_still = would_show & (kink.size == 0.0)
+    is_guessed = (kink.size == 0.0) & is_beyond & is_free & is_likely
+    is_still = (kink.was_steady > 0.5) & (SEEN * dead >= clear) & (kink.size == 0.0)
     return Verdict(
         is_missed=is_told | is_guessed,
         is_told=is_told,
-        is_doubtful=not_(is_told) & is_beyond,
+        is_doubtful=not_(is_told) & (is_kinked | is_beyond),
         told=Told(
             free=where(is_told, BEYOND_BOUNCING, where(is_still, BEYOND_STILL, told.free)),
             restitution=where(is_still, 0.0, told.restitution),

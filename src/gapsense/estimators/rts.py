@@ -151,8 +151,7 @@ def _landing(
         kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
     found: kinks.Kink = record(kinks.Kink, kink)
     count, m = kinks.supposed(found, float(end - first)), normalised(par)
-    now: ekf.State = record(ekf.State, states[end])
-    verdict = kinks.judged(found, _gaussian(states[first + int(count)]), now, stop, told, m, par)
+    verdict = kinks.judged(found, _gaussian(states[first + int(count)]), stop, told, m, par)
     if not verdict.is_missed:
         return end, states[end][: len(names(Estimate))], False, verdict.told
     if not verdict.is_told:
