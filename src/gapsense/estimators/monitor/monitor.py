@@ -1,0 +1,363 @@
+"""Condition of a reluctance actuator, from what `Mhe` says of each operation: is it healthy, since when not, and why.
+
+An operation lasts from one change of the command to the next.  Its profile are the mean innovations before the motion
+that `Mhe` expects, in it, for some time after it, and in the rest (1).  An operation is strange if `Mhe` says so and
+its profile is far from what is usual (2), or if it has no motion.  It and the next one, a closing and an opening before
+`Mhe` has got used to it, make a fault.  Their profiles, and the learnt values that have moved since the baseline (3),
+are compared with the signatures of causes, by direction (4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from gapsense.estimators.monitor.records import (
+    PHASES,
+    VALUES,
+    Baseline,
+    Course,
+    Evidence,
+    Inputs,
+    Kept,
+    Learnt,
+    Operation,
+    Outputs,
+    Parameters,
+    Phase,
+    Since,
+    State,
+    Trend,
+    Verdict,
+)
+from gapsense.estimators.monitor.signatures import (
+    CAUSES,
+    GRADUAL,
+    SPREAD_GRADUAL,
+    SPREAD_SUDDEN,
+    SUDDEN,
+    Signature,
+    direction,
+)
+from gapsense.estimators.readings import INNOVATION
+from gapsense.kernels.elementary import exp, log
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import total, vector
+from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, square, when, where
+
+FIRST = 6.0  # windows that only teach `Mhe`
+GOOD = 1.5  # misfit below which a window has taught something
+WANDER = 6.0  # reported deviations by which what is learnt of a healthy device wanders
+LEAST = 1e-12  # of a size, a value or a deviation that is divided by
+UNKNOWN = math.exp(-12.0)  # likelihood of what is in no table
+BACK = 0.05  # share of R within which it is what it was before a fault
+TOLD = 0.5  # evidence with which a cause is given
+QUICK, SLOW = 1.0 / 50.0, 1.0 / 500.0  # weights of a window in the means whose difference is the trend
+PER = 1000.0  # operations to which a trend refers
+HALF = 0.5  # usual sizes of a profile that are noise of each of its entries
+COLDER = tuple(-x for x in SUDDEN["contact"])  # of a coil that has cooled in a rest, which is no fault
+NONE = vector([0.0] * len(CAUSES))
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """Nothing is known, or the baseline of an earlier run."""
+    baseline = _given(par)
+    values = baseline.healthy
+    state = State(
+        baseline=baseline,
+        operation=_begin(inputs),
+        course=Course(
+            verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
+            profile=vector([0.0] * 2 * PHASES),
+        ),
+        learnt=Learnt(solved=inputs.windows, values=values, quick=values, slow=values, moved=vector([0.0] * VALUES)),
+        evidence=NONE,
+        since=NONE - 1.0,
+    )
+    return state, _outputs(state)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample: an operation that is over is judged, a new window is learnt from, the profile goes on."""
+    is_over = not_(flag(inputs.command > 0.5) == state.operation.command)
+    state = when(is_over, lambda state: _judge(state, inputs, par), state)
+    state = when(inputs.windows > state.learnt.solved, lambda state: _learn(state, inputs, par), state)
+    state = state._replace(operation=_go_on(state.operation, inputs, par))
+    return state, _outputs(state)
+
+
+# an operation
+
+
+def _begin(inputs: Inputs) -> Operation:
+    nothing = vector([0.0] * PHASES)
+    return Operation(command=flag(inputs.command > 0.5), began=inputs.time, sums=nothing, counts=nothing)
+
+
+def _go_on(before: Operation, inputs: Inputs, par: Parameters) -> Operation:
+    """The profile (1) with a sample more; neither the one at the edge counts, nor what is after a second motion."""
+    moves, has_moved = (inputs.mode > 1.5) & (inputs.mode < 2.5), is_set(before.has_moved)
+    has_landed = before.rested > 0.0
+    is_known = not_(is_set(before.is_lost) | (moves & has_landed))
+    rested = where(moves | not_(has_moved), before.rested, before.rested + 1.0)
+    rests = where(rested * par.sample_time > par.settle, float(Phase.held), float(Phase.landed))
+    phase = where(moves, float(Phase.moving), where(has_moved, rests, float(Phase.before)))
+    counts = is_known & not_(is_set(before.is_first))
+    here = vector([where((phase == float(k)) & counts, 1.0, 0.0) for k in range(PHASES)])
+    return before._replace(
+        sums=before.sums + inputs.innovation * here,
+        counts=before.counts + here,
+        rested=rested,
+        is_first=0.0,
+        is_lost=flag(not_(is_known)),
+        has_moved=flag(moves | has_moved),
+        is_abnormal=where(_has_bit(inputs.health_causes, INNOVATION), 1.0, before.is_abnormal),
+    )
+
+
+def _has_bit(causes: Scalar, bit: float) -> Scalar:
+    half = floor(causes / bit)
+    return half - 2.0 * floor(0.5 * half) > 0.5
+
+
+def _judge(state: State, inputs: Inputs, par: Parameters) -> State:
+    """An operation is over; the next one begins."""
+    operation, course = state.operation, state.course
+    means = vector([s / where(n > 0.0, n, 1.0) for s, n in zip(operation.sums, operation.counts)])
+    is_closing = is_set(operation.command)
+    own, usual = _half(state.baseline.usual, is_closing), state.baseline.usual_size
+    deviation = means - own
+    size = _length(deviation) / where(usual > LEAST, usual, LEAST)  # (2)
+    is_still = not_(is_set(operation.has_moved))
+    is_strange = is_still | (is_set(operation.is_abnormal) & (size > par.limit_strange))
+    course = course._replace(
+        size=size,
+        commands=course.commands + 1.0,
+        motions=course.motions + operation.has_moved,
+        quiet=where(is_strange | (size > par.limit_strange), 0.0, course.quiet + 1.0),
+        is_still=flag(is_still),
+    )
+    state = state._replace(course=course)
+
+    def learn() -> State:
+        is_usual = not_(is_set(operation.is_abnormal) | is_still) & (state.baseline.taught > 0.0)
+        taught = when(is_usual, lambda b: _teach(b, means, is_closing), state.baseline)
+        return state._replace(baseline=taught)
+
+    def look() -> State:
+        return _look(state, deviation, is_strange, par)
+
+    judged = cond(course.verdict == Verdict.learning, learn, look)
+    return judged._replace(operation=_begin(inputs))
+
+
+def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -> State:
+    """A known device: the second of two operations of which the first was strange tells whether it is a fault."""
+    course, began = state.course, state.operation.began
+    is_faulty = course.verdict == Verdict.faulty
+    is_first = is_strange & not_(is_set(course.suspected)) & not_(is_faulty)
+    is_second = is_set(course.suspected)
+    profile = _with_half(course.profile, deviation, is_set(state.operation.command))
+    course = course._replace(
+        profile=where(is_faulty, 1.0, 0.0) * course.profile + where(is_faulty, 0.0, 1.0) * profile,
+        suspected=flag(is_first),
+        onset=where(is_first, began, course.onset),
+        resistance=where(is_first, state.learnt.quick[0], course.resistance),
+    )
+    state = state._replace(course=course)
+    state = when(is_second, lambda state: _decide(state, par), state)
+    return when(is_faulty, lambda state: _recover(state, par), state)
+
+
+def _decide(state: State, par: Parameters) -> State:
+    """The causes of two strange operations, unless it is that of a colder coil."""
+    course, size = state.course, state.baseline.usual_size
+    noise = HALF * size / (_length(course.profile) + LEAST)
+    *sudden, colder = _likelihoods(course.profile, [*SUDDEN.values(), COLDER], SPREAD_SUDDEN, noise)
+    found = vector([*sudden, 0.0])
+    is_cold = colder > _largest(found)
+    still = vector([0.0] * len(SUDDEN) + [1.0])
+    evidence = vector([where(is_set(course.is_still), a, b) for a, b in zip(still, found / (total(found) + UNKNOWN))])
+    is_fault = is_set(course.is_still) | not_(is_cold)
+    return when(is_fault, lambda state: _alarm(state, evidence), state)
+
+
+def _alarm(state: State, evidence: Array) -> State:
+    course = state.course
+    course = course._replace(verdict=float(Verdict.faulty), faults=course.faults + 1.0, quiet=0.0)
+    return _with_evidence(state._replace(course=course), evidence, course.onset)
+
+
+def _recover(state: State, par: Parameters) -> State:
+    """The device is healthy again: a closing and an opening were usual, and what is learnt is what it was before."""
+    course = state.course
+    is_back = fabs(state.learnt.values[0] - course.resistance) < BACK
+    is_healthy = (course.quiet >= 2.0) & is_back & (_wear(state.learnt) < par.limit_worn)
+
+    def heal(state: State) -> State:
+        course = state.course._replace(verdict=float(Verdict.healthy), passed=state.course.passed + 1.0)
+        return _with_evidence(state._replace(course=course), NONE, 0.0)
+
+    return when(is_healthy, heal, state)
+
+
+# what is learnt
+
+
+def _learn(state: State, inputs: Inputs, par: Parameters) -> State:
+    """A window was solved."""
+    state = state._replace(learnt=state.learnt._replace(solved=inputs.windows))
+    is_good = (inputs.misfit < GOOD) & (inputs.windows > FIRST)
+    return when(is_good, lambda state: _note(state, inputs, par), state)
+
+
+def _note(state: State, inputs: Inputs, par: Parameters) -> State:
+    """What a good window has taught goes into the baseline, or is compared with it (3)."""
+    first = Inputs._fields.index("resistance")
+    found, deviations = inputs[first : first + VALUES], inputs[first + VALUES : first + 2 * VALUES]
+    values = vector([log(where(x > LEAST, x, LEAST)) for x in found])
+    shares = vector([s / where(x > LEAST, x, LEAST) + LEAST for s, x in zip(deviations, found)])
+    is_learning = state.course.verdict == Verdict.learning
+    state = when(is_learning, lambda state: _lay(state, values, inputs, par), state)
+    old, base = state.learnt, state.baseline.healthy
+    begins = is_learning
+    moved = (values - base) / (WANDER * shares)
+    state = state._replace(
+        learnt=old._replace(
+            values=values,
+            moved=vector([where(begins, 0.0, x) for x in moved]),
+            quick=vector([where(begins, b, q + QUICK * (x - q)) for b, q, x in zip(base, old.quick, values)]),
+            slow=vector([where(begins, b, q + SLOW * (x - q)) for b, q, x in zip(base, old.slow, values)]),
+        )
+    )
+    is_calm = (state.course.verdict == Verdict.healthy) | (state.course.verdict == Verdict.worn)
+    return when(is_calm, lambda state: _wear_out(state, inputs.time, par), state)
+
+
+def _lay(state: State, values: Array, inputs: Inputs, par: Parameters) -> State:
+    """The baseline with a window more."""
+    old, n = state.baseline, state.baseline.taught + 1.0
+    baseline = old._replace(taught=n, healthy=old.healthy + (values - old.healthy) / n)
+    is_done = (n >= par.learn_windows) & (old.closings > 1.0) & (old.openings > 1.0)
+    verdict = where(is_done, float(Verdict.healthy), float(Verdict.learning))
+    return state._replace(baseline=baseline, course=state.course._replace(verdict=verdict))
+
+
+def _teach(old: Baseline, means: Array, is_closing: Scalar) -> Baseline:
+    """The usual profile with an operation more, by Welford's method."""
+    closings, openings = old.closings + flag(is_closing), old.openings + flag(not_(is_closing))
+    n, before = where(is_closing, closings, openings), _half(old.usual, is_closing)
+    after = before + (means - before) / n
+    squares = old.squares + (means - before) @ (means - after)
+    return old._replace(
+        usual=_with_half(old.usual, after, is_closing),
+        closings=closings,
+        openings=openings,
+        squares=squares,
+        usual_size=sqrt(squares / where(closings + openings > 2.0, closings + openings - 2.0, 1.0)),
+    )
+
+
+def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
+    """Learnt values that have moved too far, though no operation was strange."""
+    is_worn = _wear(state.learnt) > par.limit_worn
+    moved = state.learnt.moved[1:]
+    likelihoods = _likelihoods(moved, [*GRADUAL.values()], SPREAD_GRADUAL, HALF / (_length(moved) + LEAST))
+    found = dict(zip(GRADUAL, likelihoods))
+    evidence = vector([where(is_worn, found.get(name, 0.0), 0.0) for name in CAUSES])
+    verdict = where(is_worn, float(Verdict.worn), float(Verdict.healthy))
+    state = state._replace(course=state.course._replace(verdict=verdict))
+    return _with_evidence(state, evidence / (total(evidence) + UNKNOWN), time)
+
+
+def _wear(learnt: Learnt) -> Scalar:
+    """Size of what has moved; the resistance does so with temperature."""
+    return _length(learnt.moved[1:])
+
+
+# causes
+
+
+def _likelihoods(found: Array, signatures: Iterable[Signature], spread: float, noise: Scalar) -> list[Scalar]:
+    """Of each cause, by the distance of two directions (4)."""
+    unit = found / (_length(found) + LEAST)
+    variance = spread * spread + square(noise)
+    return [exp(-0.5 * _square(unit - vector(direction(s))) / variance) for s in signatures]
+
+
+def _with_evidence(state: State, evidence: Array, time: Scalar) -> State:
+    """The causes with new evidence, and since when more than half speaks for each."""
+    since = [where(new > TOLD, where(before >= 0.0, before, time), -1.0) for new, before in zip(evidence, state.since)]
+    return state._replace(evidence=evidence, since=vector(since))
+
+
+def _cause(evidence: Array) -> Scalar:
+    """Number of the cause for which more than half speaks; 0: none."""
+    return total(where(x > TOLD, float(k), 0.0) for k, x in enumerate(evidence, 1))
+
+
+# profiles
+
+
+def _half(profile: Array, is_closing: Scalar) -> Array:
+    """That of a closing or of an opening."""
+    return vector([where(is_closing, a, b) for a, b in zip(profile[:PHASES], profile[PHASES:])])
+
+
+def _with_half(profile: Array, half: Array, is_closing: Scalar) -> Array:
+    """A profile with another half."""
+    closing = [where(is_closing, new, old) for new, old in zip(half, profile[:PHASES])]
+    opening = [where(is_closing, old, new) for new, old in zip(half, profile[PHASES:])]
+    return vector([*closing, *opening])
+
+
+def _square(x: Array) -> Scalar:
+    return x @ x
+
+
+def _length(x: Array) -> Scalar:
+    return sqrt(_square(x))
+
+
+def _largest(x: Array) -> Scalar:
+    found: Scalar = 0.0
+    for one in x:
+        found = where(one > found, one, found)
+    return found
+
+
+# ports
+
+
+def _given(par: Parameters) -> Baseline:
+    """The baseline of an earlier run; none with fewer windows than make one."""
+    first = Parameters._fields.index("baseline_size")
+    size, *rest = par[first:]
+    is_whole = par.baseline_windows >= par.learn_windows
+    given = vector([where(is_whole, x, 0.0) for x in rest])
+    return Baseline(
+        taught=where(is_whole, par.baseline_windows, 0.0),
+        usual_size=where(is_whole, size, 0.0),
+        usual=given[: 2 * PHASES],
+        healthy=given[2 * PHASES :],
+    )
+
+
+def _outputs(state: State) -> Outputs:
+    course, learnt, baseline = state.course, state.learnt, state.baseline
+    lag = 1.0 / SLOW - 1.0 / QUICK  # operations
+    return Outputs(
+        verdict=course.verdict,
+        cause=_cause(state.evidence),
+        onset=course.onset,
+        faults=course.faults,
+        passed=course.passed,
+        commands=course.commands,
+        motions=course.motions,
+        strangeness=course.size,
+        wear=_wear(learnt),
+        evidence=Evidence(*state.evidence),
+        since=Since(*state.since),
+        trend=Trend(*(PER / lag * (learnt.quick - learnt.slow))),
+        kept=Kept(baseline.taught, baseline.usual_size, *baseline.usual, *baseline.healthy),
+    )
