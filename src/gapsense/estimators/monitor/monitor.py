@@ -9,9 +9,6 @@ are compared with the signatures of causes, by direction (4).
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
-
 from gapsense.estimators.monitor.records import (
     PHASES,
     VALUES,
@@ -21,24 +18,18 @@ from gapsense.estimators.monitor.records import (
     Inputs,
     Kept,
     Learnt,
+    Moved,
     Operation,
     Outputs,
     Parameters,
     Phase,
+    Profile,
     Since,
     State,
     Trend,
     Verdict,
 )
-from gapsense.estimators.monitor.signatures import (
-    CAUSES,
-    GRADUAL,
-    SPREAD_GRADUAL,
-    SPREAD_SUDDEN,
-    SUDDEN,
-    Signature,
-    direction,
-)
+from gapsense.estimators.monitor.signatures import CAUSES, COLDER, GRADUAL, SUDDEN, Signature, direction
 from gapsense.estimators.readings import INNOVATION
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
@@ -49,13 +40,13 @@ FIRST = 6.0  # windows that only teach `Mhe`
 GOOD = 1.5  # misfit below which a window has taught something
 WANDER = 6.0  # reported deviations by which what is learnt of a healthy device wanders
 LEAST = 1e-12  # of a size, a value or a deviation that is divided by
-UNKNOWN = math.exp(-12.0)  # likelihood of what is in no table
+UNKNOWN = 1.0  # density of directions that are in no table
 BACK = 0.05  # share of R within which it is what it was before a fault
 TOLD = 0.5  # evidence with which a cause is given
 QUICK, SLOW = 1.0 / 50.0, 1.0 / 500.0  # weights of a window in the means whose difference is the trend
 PER = 1000.0  # operations to which a trend refers
 HALF = 0.5  # usual sizes of a profile that are noise of each of its entries
-COLDER = tuple(-x for x in SUDDEN["contact"])  # of a coil that has cooled in a rest, which is no fault
+ASIDE, BESIDE = 0.25, 2.0  # most of a profile that is not that of a cold coil: share of what is, and usual sizes
 NONE = vector([0.0] * len(CAUSES))
 
 
@@ -65,7 +56,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     values = baseline.healthy
     state = State(
         baseline=baseline,
-        operation=_begin(inputs),
+        operation=_begin(inputs)._replace(is_commanded=0.0),
         course=Course(
             verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
             profile=vector([0.0] * 2 * PHASES),
@@ -80,7 +71,9 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: an operation that is over is judged, a new window is learnt from, the profile goes on."""
     is_over = not_(flag(inputs.command > 0.5) == state.operation.command)
-    state = when(is_over, lambda state: _judge(state, inputs, par), state)
+    is_operation = is_over & is_set(state.operation.is_commanded)
+    state = when(is_operation, lambda state: _judge(state, par), state)
+    state = when(is_over, lambda state: state._replace(operation=_begin(inputs)), state)
     state = when(inputs.windows > state.learnt.solved, lambda state: _learn(state, inputs, par), state)
     state = state._replace(operation=_go_on(state.operation, inputs, par))
     return state, _outputs(state)
@@ -120,8 +113,8 @@ def _has_bit(causes: Scalar, bit: float) -> Scalar:
     return half - 2.0 * floor(0.5 * half) > 0.5
 
 
-def _judge(state: State, inputs: Inputs, par: Parameters) -> State:
-    """An operation is over; the next one begins."""
+def _judge(state: State, par: Parameters) -> State:
+    """An operation is over."""
     operation, course = state.operation, state.course
     means = vector([s / where(n > 0.0, n, 1.0) for s, n in zip(operation.sums, operation.counts)])
     is_closing = is_set(operation.command)
@@ -147,8 +140,7 @@ def _judge(state: State, inputs: Inputs, par: Parameters) -> State:
     def look() -> State:
         return _look(state, deviation, is_strange, par)
 
-    judged = cond(course.verdict == Verdict.learning, learn, look)
-    return judged._replace(operation=_begin(inputs))
+    return cond(course.verdict == Verdict.learning, learn, look)
 
 
 def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -> State:
@@ -159,7 +151,7 @@ def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -
     is_second = is_set(course.suspected)
     profile = _with_half(course.profile, deviation, is_set(state.operation.command))
     course = course._replace(
-        profile=where(is_faulty, 1.0, 0.0) * course.profile + where(is_faulty, 0.0, 1.0) * profile,
+        profile=where_all(is_faulty, course.profile, profile),
         suspected=flag(is_first),
         onset=where(is_first, began, course.onset),
         resistance=where(is_first, state.learnt.quick[0], course.resistance),
@@ -170,16 +162,20 @@ def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -
 
 
 def _decide(state: State, par: Parameters) -> State:
-    """The causes of two strange operations, unless it is that of a colder coil."""
-    course, size = state.course, state.baseline.usual_size
-    noise = HALF * size / (_length(course.profile) + LEAST)
-    *sudden, colder = _likelihoods(course.profile, [*SUDDEN.values(), COLDER], SPREAD_SUDDEN, noise)
-    found = vector([*sudden, 0.0])
-    is_cold = colder > _largest(found)
-    still = vector([0.0] * len(SUDDEN) + [1.0])
-    evidence = vector([where(is_set(course.is_still), a, b) for a, b in zip(still, found / (total(found) + UNKNOWN))])
-    is_fault = is_set(course.is_still) | not_(is_cold)
+    """The causes of two strange operations, unless the first is a closing with a coil that has cooled."""
+    course, noise = state.course, state.baseline.usual_size
+    still = vector([0.0] * (len(CAUSES) - 1) + [1.0])
+    evidence = where_all(is_set(course.is_still), still, _evidence(course.profile, SUDDEN, noise))
+    is_fault = is_set(course.is_still) | not_(_is_cold(course.profile, noise))
     return when(is_fault, lambda state: _alarm(state, evidence), state)
+
+
+def _is_cold(profile: Array, noise: Scalar) -> Scalar:
+    """Whether a closing is what it is with less resistance than in the operation before, after a rest."""
+    found, cold = profile[: len(COLDER)], vector(direction(COLDER))
+    along = found @ cold
+    beside = _square(found - along * cold)
+    return (along > 0.0) & (beside < square(ASIDE * along) + square(BESIDE * noise))
 
 
 def _alarm(state: State, evidence: Array) -> State:
@@ -261,13 +257,10 @@ def _teach(old: Baseline, means: Array, is_closing: Scalar) -> Baseline:
 def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
     """Learnt values that have moved too far, though no operation was strange."""
     is_worn = _wear(state.learnt) > par.limit_worn
-    moved = state.learnt.moved[1:]
-    likelihoods = _likelihoods(moved, [*GRADUAL.values()], SPREAD_GRADUAL, HALF / (_length(moved) + LEAST))
-    found = dict(zip(GRADUAL, likelihoods))
-    evidence = vector([where(is_worn, found.get(name, 0.0), 0.0) for name in CAUSES])
+    evidence = where_all(is_worn, _evidence(state.learnt.moved[1:], GRADUAL, 1.0), NONE)
     verdict = where(is_worn, float(Verdict.worn), float(Verdict.healthy))
     state = state._replace(course=state.course._replace(verdict=verdict))
-    return _with_evidence(state, evidence / (total(evidence) + UNKNOWN), time)
+    return _with_evidence(state, evidence, time)
 
 
 def _wear(learnt: Learnt) -> Scalar:
@@ -278,11 +271,15 @@ def _wear(learnt: Learnt) -> Scalar:
 # causes
 
 
-def _likelihoods(found: Array, signatures: Iterable[Signature], spread: float, noise: Scalar) -> list[Scalar]:
-    """Of each cause, by the distance of two directions (4)."""
-    unit = found / (_length(found) + LEAST)
-    variance = spread * spread + square(noise)
-    return [exp(-0.5 * _square(unit - vector(direction(s))) / variance) for s in signatures]
+def _evidence(found: Array, signatures: tuple[Signature, ...], noise: Scalar) -> Array:
+    """What speaks for each cause, by the distances of directions (4)."""
+    length = _length(found) + LEAST
+    causes: list[Scalar] = [0.0] * len(CAUSES)
+    for cause, spread, entries in signatures:
+        variance = spread * spread + square(HALF * noise / length)
+        density = exp(-0.5 * _square(found / length - vector(direction(entries))) / variance) / square(square(variance))
+        causes[CAUSES.index(cause)] = causes[CAUSES.index(cause)] + density
+    return vector(causes) / (total(causes) + UNKNOWN)
 
 
 def _with_evidence(state: State, evidence: Array, time: Scalar) -> State:
@@ -301,14 +298,13 @@ def _cause(evidence: Array) -> Scalar:
 
 def _half(profile: Array, is_closing: Scalar) -> Array:
     """That of a closing or of an opening."""
-    return vector([where(is_closing, a, b) for a, b in zip(profile[:PHASES], profile[PHASES:])])
+    return where_all(is_closing, profile[:PHASES], profile[PHASES:])
 
 
 def _with_half(profile: Array, half: Array, is_closing: Scalar) -> Array:
     """A profile with another half."""
-    closing = [where(is_closing, new, old) for new, old in zip(half, profile[:PHASES])]
-    opening = [where(is_closing, old, new) for new, old in zip(half, profile[PHASES:])]
-    return vector([*closing, *opening])
+    closing, opening = profile[:PHASES], profile[PHASES:]
+    return vector([*where_all(is_closing, half, closing), *where_all(is_closing, opening, half)])
 
 
 def _square(x: Array) -> Scalar:
@@ -319,11 +315,9 @@ def _length(x: Array) -> Scalar:
     return sqrt(_square(x))
 
 
-def _largest(x: Array) -> Scalar:
-    found: Scalar = 0.0
-    for one in x:
-        found = where(one > found, one, found)
-    return found
+def where_all(c: Scalar, a: Array, b: Array) -> Array:
+    """One vector or the other."""
+    return vector([where(c, x, y) for x, y in zip(a, b)])
 
 
 # ports
@@ -358,6 +352,8 @@ def _outputs(state: State) -> Outputs:
         wear=_wear(learnt),
         evidence=Evidence(*state.evidence),
         since=Since(*state.since),
+        profile=Profile(*course.profile),
+        moved=Moved(*learnt.moved),
         trend=Trend(*(PER / lag * (learnt.quick - learnt.slow))),
         kept=Kept(baseline.taught, baseline.usual_size, *baseline.usual, *baseline.healthy),
     )

@@ -125,6 +125,7 @@ class Operation(NamedTuple):
     counts: Annotated[Array, Vector(4)]
     rested: Scalar = 0.0  # samples since the landing
     is_first: Scalar = 1.0  # flag: the sample at the edge does not count
+    is_commanded: Scalar = 1.0  # flag: it is not what was before the first change of the command
     is_lost: Scalar = 0.0  # flag: `Mhe` has expected a second motion, or followed one
     has_moved: Scalar = 0.0  # flag
     is_abnormal: Scalar = 0.0  # flag: by `Mhe`
@@ -262,6 +263,44 @@ class Kept(NamedTuple):
     baseline_rest_position: Scalar = kept("1", "logarithm of the rest position [m]")
 
 
+def differs(where: str) -> Scalar:
+    """An output: an entry of the profile that the evidence rests on."""
+    return output("A", f"Mean innovation less the usual one, of the last operation or of the fault: {where}")
+
+
+@ports()
+class Profile(NamedTuple):
+    """What sudden causes are judged by."""
+
+    profile_closing_before: Scalar = differs("closing, before the motion")
+    profile_closing_moving: Scalar = differs("closing, in the motion")
+    profile_closing_landed: Scalar = differs("closing, after the landing")
+    profile_closing_held: Scalar = differs("closing, in the rest")
+    profile_opening_before: Scalar = differs("opening, before the motion")
+    profile_opening_moving: Scalar = differs("opening, in the motion")
+    profile_opening_landed: Scalar = differs("opening, after the landing")
+    profile_opening_held: Scalar = differs("opening, in the rest")
+
+
+def moves(what: str) -> Scalar:
+    """An output: how far a learnt value has moved."""
+    return output("1", f"Change since the baseline, in usual wanderings: {what}")
+
+
+@ports()
+class Moved(NamedTuple):
+    """What gradual causes are judged by."""
+
+    moved_resistance: Scalar = moves("resistance")
+    moved_eddy: Scalar = moves("eddy currents")
+    moved_gap_factor: Scalar = moves("gap factor")
+    moved_knee: Scalar = moves("knee")
+    moved_saturation: Scalar = moves("saturation")
+    moved_hysteresis: Scalar = moves("hysteresis")
+    moved_mass: Scalar = moves("mass")
+    moved_rest_position: Scalar = moves("rest position")
+
+
 @ports(feedthrough=("command", "windows", "misfit"))
 class Outputs(NamedTuple):
     """The verdict and what it rests on."""
@@ -282,5 +321,7 @@ class Outputs(NamedTuple):
     wear: Scalar = output("1", "Size of what has moved since the baseline, in usual wanderings", min=0.0)
     evidence: Evidence = part()
     since: Since = part()
+    profile: Profile = part()
+    moved: Moved = part()
     trend: Trend = part()
     kept: Kept = part()
