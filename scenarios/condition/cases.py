@@ -15,6 +15,7 @@ from gapsense.studies.runs import Values, overlaid
 
 SCENARIO = Path(__file__).with_name("scenario.toml")
 START, STEP, OPERATION = -1.01e-3, 20e-6, 10e-3  # of the scenario; duration of an operation [s]
+CYCLE = 2  # operations; the resistance changes after each
 BEFORE = 0.15e-3  # time before an operation at which a fault begins or ends, the mover being at rest [s]
 WARMING, TIME = 0.15, 1.0  # share by which operations without a rest warm the coil, and its time constant [s]
 NOISES = (0.5e-3, 10e-3)  # of the current, least and most [A]
@@ -86,20 +87,20 @@ def on_grid(time: float) -> float:
 
 
 def temperature(course: Course) -> dict[str, Any]:
-    """Events that make the resistance follow the temperature of the coil: it warms with operations, cools in rests."""
+    """Events that make the resistance follow the temperature of the coil, which warms in operations and cools in rests."""
     events, warm = {}, 0.0
-    for k in range(course.count):
+    for k in range(0, course.count, CYCLE):
         warm *= math.exp(-course.rests.get(k, 0.0) / TIME)
         begin = on_grid(course.time(k) - BEFORE) if k else START
-        end = on_grid(course.time(k + 1) - course.rests.get(k + 1, 0.0) - BEFORE)
+        end = on_grid(course.time(k + CYCLE) - course.rests.get(k + CYCLE, 0.0) - BEFORE)
         events[f"warm_{k}"] = {
             "target": "actuator.coil.resistance",
             "action": "scale",
             "value": 1.0 + WARMING * warm,
             "at": begin,
-            "until": end,
+            "until": min(end, on_grid(course.time(course.count))),
         }
-        warm += (1.0 - warm) * OPERATION / TIME
+        warm += (1.0 - warm) * CYCLE * OPERATION / TIME
     return events
 
 
