@@ -10,4 +10,5 @@ COMPONENT = Component(
     kernel=monitor.__name__,
     ports=ports_of(monitor),
     step_size=20e-6,
+    survives=True,
 )

@@ -87,7 +87,7 @@ def on_grid(time: float) -> float:
 
 
 def temperature(course: Course) -> dict[str, Any]:
-    """Events that make the resistance follow the temperature of the coil, which warms in operations and cools in rests."""
+    """Events that make the resistance follow a coil that warms in operations and cools in rests."""
     events, warm = {}, 0.0
     for k in range(0, course.count, CYCLE):
         warm *= math.exp(-course.rests.get(k, 0.0) / TIME)

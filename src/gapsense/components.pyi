@@ -1703,6 +1703,8 @@ class Monitor(Runnable):
     ----------------------
     command : float
         Above 0.5: the coil is to be switched on.
+    current : float [A]
+        Measured coil current; NaN where it was lost.
     innovation : float [A]
         Innovation.
     mode : float
@@ -1930,6 +1932,7 @@ class Monitor(Runnable):
     def run(  # type: ignore[override]
         self,
         command: npt.ArrayLike,
+        current: npt.ArrayLike,
         innovation: npt.ArrayLike,
         mode: npt.ArrayLike,
         health_causes: npt.ArrayLike,
@@ -1959,6 +1962,7 @@ class Monitor(Runnable):
     def step(  # type: ignore[override]
         self,
         command: float,
+        current: float,
         innovation: float,
         mode: float,
         health_causes: float,

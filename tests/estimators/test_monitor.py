@@ -27,14 +27,14 @@ class Bench:
 
     def __init__(self, par: Parameters = PAR, seed: int = 1) -> None:
         self.rng, self.par, self.time, self.windows = np.random.default_rng(seed), tuple(flat(par)), 0.0, 0.0
-        self.is_on = False
+        self.is_on, self.current = False, 0.0
         self.values = VALUES.copy()
         self.state, self.outputs = KERNEL["initial"](self.sample(0.0, 3.0, 0.0), self.par)
 
     def sample(self, innovation: float, mode: float, causes: float) -> tuple[float, ...]:
         """Inputs now."""
         found = (*self.values, *(STD * self.values))
-        return (self.time, float(self.is_on), innovation, mode, causes, self.windows, 0.6, *found)
+        return (self.time, float(self.is_on), self.current, innovation, mode, causes, self.windows, 0.6, *found)
 
     def operate(self, profile: Sequence[float] = (0.0,) * 8, causes: float = 0.0, moves: bool = True) -> None:
         """One operation with mean innovations of a profile, a closing or an opening in turn."""
@@ -45,6 +45,7 @@ class Bench:
         for mean, mode, count in zip((5.0, *means), modes, (1, *PHASES)):  # the edge does not count
             for _ in range(count):
                 self.time += 1e-3
+                self.current = (30.0 / self.values[0] if self.is_on else 0.0) + float(mean)
                 given = self.sample(float(mean), mode if moves else rests, causes)
                 self.state, self.outputs = KERNEL["step"](self.state, given, self.par)
 
@@ -145,7 +146,7 @@ def test_a_restart_begins_with_the_baseline(bench: Bench) -> None:
 def test_inputs_are_those_of_mhe() -> None:
     from gapsense.estimators.mhe import mhe
 
-    assert {*Inputs._fields} - {"time", "command"} <= {*names(mhe.Outputs)}
+    assert {*Inputs._fields} - {"time", "command", "current"} <= {*names(mhe.Outputs)}
 
 
 def test_every_cause_has_outputs_and_a_signature() -> None:

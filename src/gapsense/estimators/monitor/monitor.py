@@ -9,6 +9,8 @@ are compared with the signatures of causes, by direction (4).
 
 from __future__ import annotations
 
+import math
+
 from gapsense.estimators.monitor.records import (
     PHASES,
     VALUES,
@@ -27,10 +29,11 @@ from gapsense.estimators.monitor.records import (
     Since,
     State,
     Trend,
+    Usual,
     Verdict,
 )
 from gapsense.estimators.monitor.signatures import CAUSES, COLDER, GRADUAL, SUDDEN, Signature, direction
-from gapsense.estimators.readings import INNOVATION
+from gapsense.estimators.readings import INNOVATION, can_be_read
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import total, vector
@@ -47,6 +50,8 @@ QUICK, SLOW = 1.0 / 50.0, 1.0 / 500.0  # weights of a window in the means whose 
 PER = 1000.0  # operations to which a trend refers
 HALF = 0.5  # usual sizes of a profile that are noise of each of its entries
 ASIDE, BESIDE = 0.25, 2.0  # most of a profile that is not that of a cold coil: share of what is, and usual sizes
+LATELY = 4.0  # operations of a kind of which usual currents are means
+WARMER = next(s.entries for s in SUDDEN if s.cause == "contact")  # direction of the currents of a warmer coil
 NONE = vector([0.0] * len(CAUSES))
 
 
@@ -56,7 +61,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     values = baseline.healthy
     state = State(
         baseline=baseline,
-        operation=_begin(inputs)._replace(is_commanded=0.0),
+        usually=Usual(vector([0.0] * 2 * PHASES), vector([0.0] * 2 * PHASES)),
+        operation=_begin(inputs, 0.0)._replace(is_commanded=0.0),
         course=Course(
             verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
             profile=vector([0.0] * 2 * PHASES),
@@ -69,25 +75,39 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """One sample: an operation that is over is judged, a new window is learnt from, the profile goes on."""
+    """One sample; one that is not of numbers, but for the current, is left out."""
+    others = total(x for name, x in inputs._asdict().items() if name != "current")
+    state = when(fabs(others) < math.inf, lambda state: _sample(state, inputs, par), state)
+    return state, _outputs(state)
+
+
+def _sample(state: State, inputs: Inputs, par: Parameters) -> State:
+    """An operation that is over is judged, a new window is learnt from, the profile goes on."""
     is_over = not_(flag(inputs.command > 0.5) == state.operation.command)
     is_operation = is_over & is_set(state.operation.is_commanded)
     state = when(is_operation, lambda state: _judge(state, par), state)
-    state = when(is_over, lambda state: state._replace(operation=_begin(inputs)), state)
+    state = when(is_over, lambda state: state._replace(operation=_begin(inputs, state.operation.last)), state)
     state = when(inputs.windows > state.learnt.solved, lambda state: _learn(state, inputs, par), state)
-    state = state._replace(operation=_go_on(state.operation, inputs, par))
-    return state, _outputs(state)
+    return state._replace(operation=_go_on(state.operation, state.usually, inputs, par))
 
 
 # an operation
 
 
-def _begin(inputs: Inputs) -> Operation:
+def _begin(inputs: Inputs, last: Scalar) -> Operation:
     nothing = vector([0.0] * PHASES)
-    return Operation(command=flag(inputs.command > 0.5), began=inputs.time, sums=nothing, counts=nothing)
+    return Operation(
+        command=flag(inputs.command > 0.5),
+        began=inputs.time,
+        sums=nothing,
+        counts=nothing,
+        charges=nothing,
+        samples=nothing,
+        last=last,
+    )
 
 
-def _go_on(before: Operation, inputs: Inputs, par: Parameters) -> Operation:
+def _go_on(before: Operation, usually: Usual, inputs: Inputs, par: Parameters) -> Operation:
     """The profile (1) with a sample more; neither the one at the edge counts, nor what is after a second motion."""
     moves, has_moved = (inputs.mode > 1.5) & (inputs.mode < 2.5), is_set(before.has_moved)
     has_landed = before.rested > 0.0
@@ -95,17 +115,32 @@ def _go_on(before: Operation, inputs: Inputs, par: Parameters) -> Operation:
     rested = where(moves | not_(has_moved), before.rested, before.rested + 1.0)
     rests = where(rested * par.sample_time > par.settle, float(Phase.held), float(Phase.landed))
     phase = where(moves, float(Phase.moving), where(has_moved, rests, float(Phase.before)))
-    counts = is_known & not_(is_set(before.is_first))
-    here = vector([where((phase == float(k)) & counts, 1.0, 0.0) for k in range(PHASES)])
+    is_inside = before.age > 0.0
+    here = vector([where((phase == float(k)) & is_known & is_inside, 1.0, 0.0) for k in range(PHASES)])
+    i = where(can_be_read(inputs.current, math.inf), inputs.current, before.last)
+    usual = _usual_phase(before.age, _half(usually.lengths, is_set(before.command)))
+    there = vector([where((usual == float(k)) & is_inside, 1.0, 0.0) for k in range(PHASES)])
     return before._replace(
         sums=before.sums + inputs.innovation * here,
         counts=before.counts + here,
+        charges=before.charges + i * there,
+        samples=before.samples + there,
+        last=i,
+        age=before.age + 1.0,
         rested=rested,
-        is_first=0.0,
         is_lost=flag(not_(is_known)),
         has_moved=flag(moves | has_moved),
         is_abnormal=where(_has_bit(inputs.health_causes, INNOVATION), 1.0, before.is_abnormal),
     )
+
+
+def _usual_phase(age: Scalar, lengths: Array) -> Scalar:
+    """The phase in which an operation of this age usually is."""
+    phase, until = 0.0, 0.0
+    for length in lengths[: PHASES - 1]:
+        until = until + length
+        phase = phase + where(age > until, 1.0, 0.0)
+    return phase
 
 
 def _has_bit(causes: Scalar, bit: float) -> Scalar:
@@ -113,24 +148,32 @@ def _has_bit(causes: Scalar, bit: float) -> Scalar:
     return half - 2.0 * floor(0.5 * half) > 0.5
 
 
+def _means(sums: Array, counts: Array) -> Array:
+    return vector([s / where(n > 0.0, n, 1.0) for s, n in zip(sums, counts)])
+
+
 def _judge(state: State, par: Parameters) -> State:
     """An operation is over."""
     operation, course = state.operation, state.course
-    means = vector([s / where(n > 0.0, n, 1.0) for s, n in zip(operation.sums, operation.counts)])
-    is_closing = is_set(operation.command)
-    own, usual = _half(state.baseline.usual, is_closing), state.baseline.usual_size
-    deviation = means - own
+    means, currents = _means(operation.sums, operation.counts), _means(operation.charges, operation.samples)
+    is_closing, usual = is_set(operation.command), state.baseline.usual_size
+    deviation = means - _half(state.baseline.usual, is_closing)
     size = _length(deviation) / where(usual > LEAST, usual, LEAST)  # (2)
-    is_still = not_(is_set(operation.has_moved))
-    is_strange = is_still | (is_set(operation.is_abnormal) & (size > par.limit_strange))
+    is_familiar = _is_familiar(state, currents, par)
+    is_still, is_abnormal = not_(is_set(operation.has_moved)), is_set(operation.is_abnormal)
+    is_excused = is_set(course.is_relearnt) & is_familiar
+    is_strange = is_still | (is_abnormal & (size > par.limit_strange) & not_(is_excused))
+    is_calm = not_(is_abnormal | is_still | (course.verdict == Verdict.faulty))
     course = course._replace(
         size=size,
         commands=course.commands + 1.0,
         motions=course.motions + operation.has_moved,
         quiet=where(is_strange | (size > par.limit_strange), 0.0, course.quiet + 1.0),
+        familiar=where(is_familiar & not_(is_still), course.familiar + 1.0, 0.0),
+        is_relearnt=where(is_abnormal, course.is_relearnt, 0.0),
         is_still=flag(is_still),
     )
-    state = state._replace(course=course)
+    state = when(is_calm, lambda state: _know(state, currents), state._replace(course=course))
 
     def learn() -> State:
         is_usual = not_(is_set(operation.is_abnormal) | is_still) & (state.baseline.taught > 0.0)
@@ -141,6 +184,34 @@ def _judge(state: State, par: Parameters) -> State:
         return _look(state, deviation, is_strange, par)
 
     return cond(course.verdict == Verdict.learning, learn, look)
+
+
+def _know(state: State, currents: Array) -> State:
+    """Usual operations with one more."""
+    old, is_closing = state.usually, is_set(state.operation.command)
+    closings, openings = old.closings_known + flag(is_closing), old.openings_known + flag(not_(is_closing))
+    n = where(is_closing, closings, openings)
+    share = where(n > LATELY, 1.0 / LATELY, 1.0 / n)
+    lengths, known = _half(old.lengths, is_closing), _half(old.currents, is_closing)
+    lengths = lengths + share * (state.operation.counts - lengths)
+    usually = Usual(
+        lengths=_with_half(old.lengths, lengths, is_closing),
+        currents=_with_half(old.currents, known + share * (currents - known), is_closing),
+        closings_known=closings,
+        openings_known=openings,
+    )
+    return state._replace(usually=usually)
+
+
+def _is_familiar(state: State, currents: Array, par: Parameters) -> Scalar:
+    """Whether the current of an operation is that of usual ones (5), at the temperature that the coil may have."""
+    usually, is_closing = state.usually, is_set(state.operation.command)
+    known = _half(usually.currents, is_closing)
+    off, warm = currents - known, _half(vector(WARMER), is_closing)
+    rest = off - (off @ warm) / (warm @ warm) * warm
+    most = par.limit_strange * state.baseline.usual_size
+    is_known = where(is_closing, usually.closings_known, usually.openings_known) >= LATELY
+    return is_known & (_length(rest) < most) & (fabs(off[-1]) < BACK * fabs(known[-1]) + most)
 
 
 def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -> State:
@@ -180,18 +251,21 @@ def _is_cold(profile: Array, noise: Scalar) -> Scalar:
 
 def _alarm(state: State, evidence: Array) -> State:
     course = state.course
-    course = course._replace(verdict=float(Verdict.faulty), faults=course.faults + 1.0, quiet=0.0)
+    course = course._replace(verdict=float(Verdict.faulty), faults=course.faults + 1.0, quiet=0.0, familiar=0.0)
     return _with_evidence(state._replace(course=course), evidence, course.onset)
 
 
 def _recover(state: State, par: Parameters) -> State:
-    """The device is healthy again: a closing and an opening were usual, and what is learnt is what it was before."""
+    """The device is healthy again: a closing and an opening were usual, and what is learnt, or their currents."""
     course = state.course
     is_back = fabs(state.learnt.values[0] - course.resistance) < BACK
-    is_healthy = (course.quiet >= 2.0) & is_back & (_wear(state.learnt) < par.limit_worn)
+    is_learnt = (course.quiet >= 2.0) & is_back & (_wear(state.learnt) < par.limit_worn)
+    is_healthy = is_learnt | (course.familiar >= 2.0)
 
     def heal(state: State) -> State:
-        course = state.course._replace(verdict=float(Verdict.healthy), passed=state.course.passed + 1.0)
+        course = state.course._replace(
+            verdict=float(Verdict.healthy), passed=state.course.passed + 1.0, is_relearnt=flag(not_(is_learnt))
+        )
         return _with_evidence(state._replace(course=course), NONE, 0.0)
 
     return when(is_healthy, heal, state)
@@ -227,7 +301,8 @@ def _note(state: State, inputs: Inputs, par: Parameters) -> State:
         )
     )
     is_calm = (state.course.verdict == Verdict.healthy) | (state.course.verdict == Verdict.worn)
-    return when(is_calm, lambda state: _wear_out(state, inputs.time, par), state)
+    is_relearnt = is_set(state.course.is_relearnt)
+    return when(is_calm & not_(is_relearnt), lambda state: _wear_out(state, inputs.time, par), state)
 
 
 def _lay(state: State, values: Array, inputs: Inputs, par: Parameters) -> State:

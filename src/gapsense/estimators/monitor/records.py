@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.kernels.interface import input_, output, parameter, part, ports, sample_time
+from gapsense.kernels.interface import input_, measured, output, parameter, part, ports, sample_time
 from gapsense.kernels.layout import Array, Choice, Scalar, Vector
 
 PHASES, VALUES = 4, 8
@@ -81,6 +81,7 @@ class Inputs(NamedTuple):
 
     time: Scalar
     command: Scalar = input_("1", "Above 0.5: the coil is to be switched on")
+    current: Scalar = measured("A", "Measured coil current; NaN where it was lost", nominal=0.4)
     innovation: Scalar = of_mhe("A", "innovation", "Innovation")
     mode: Scalar = of_mhe("1", "mode", "Mode that Mhe expects: 2 moving")
     health_causes: Scalar = of_mhe("1", "health_causes", "Why Mhe is not healthy: bit 1 counts")
@@ -116,6 +117,15 @@ class Baseline(NamedTuple):
     squares: Scalar = 0.0  # sum of the squared deviations [A^2]
 
 
+class Usual(NamedTuple):
+    """Usual operations, of late: by them a device is known again while `Mhe` has not yet relearnt it."""
+
+    lengths: Annotated[Array, Vector(8)]  # samples of the phases of a closing and of an opening
+    currents: Annotated[Array, Vector(8)]  # mean currents in them [A]
+    closings_known: Scalar = 0.0
+    openings_known: Scalar = 0.0
+
+
 class Operation(NamedTuple):
     """The operation so far."""
 
@@ -123,8 +133,11 @@ class Operation(NamedTuple):
     began: Scalar  # time of its first sample [s]
     sums: Annotated[Array, Vector(4)]  # of the innovations in each phase [A]
     counts: Annotated[Array, Vector(4)]
+    charges: Annotated[Array, Vector(4)]  # sums of the currents in the usual phases [A]
+    samples: Annotated[Array, Vector(4)]  # and how many
+    last: Scalar  # current that was not lost [A]
+    age: Scalar = 0.0  # samples
     rested: Scalar = 0.0  # samples since the landing
-    is_first: Scalar = 1.0  # flag: the sample at the edge does not count
     is_commanded: Scalar = 1.0  # flag: it is not what was before the first change of the command
     is_lost: Scalar = 0.0  # flag: `Mhe` has expected a second motion, or followed one
     has_moved: Scalar = 0.0  # flag
@@ -142,6 +155,8 @@ class Course(NamedTuple):
     suspected: Scalar = 0.0  # flag: the last operation was strange, and the one before was not
     is_still: Scalar = 0.0  # flag: the last operation had no motion
     quiet: Scalar = 0.0  # operations in a row that were not strange
+    familiar: Scalar = 0.0  # operations in a row with the current of usual ones
+    is_relearnt: Scalar = 0.0  # flag: a fault has passed, and `Mhe` has not yet got used to it
     onset: Scalar = 0.0  # begin of the first strange operation [s]
     resistance: Scalar = 0.0  # its logarithm before
     faults: Scalar = 0.0
@@ -162,6 +177,7 @@ class State(NamedTuple):
     """The baseline, the operation, and what was found."""
 
     baseline: Baseline
+    usually: Usual
     operation: Operation
     course: Course
     learnt: Learnt
