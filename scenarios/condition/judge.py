@@ -58,7 +58,7 @@ def said(rows: Array, begin: float, end: float) -> Span:
     is_healthy = (t > end) & (verdict == float(Verdict.healthy))
     number = int(cause[last])
     return Span(
-        told=_first(t, is_told, begin) if verdict[before] == float(Verdict.healthy) else np.inf,
+        told=_first(t, is_told, begin) if verdict[before] != float(Verdict.faulty) else np.inf,
         cause=CAUSES[number - 1] if number else "",
         is_lasting=bool(verdict[last] == float(Verdict.faulty)),
         passed=_first(t, is_healthy, end),

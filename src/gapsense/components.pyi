@@ -1707,13 +1707,13 @@ class Monitor(Runnable):
         Measured coil current; NaN where it was lost.
     innovation : float [A]
         Innovation.
-    mode : float
+    mode : float, 0 to 3
         Mode that Mhe expects: 2 moving.
-    health_causes : float
+    health_causes : float, at least 0
         Why Mhe is not healthy: bit 1 counts.
-    windows : float
+    windows : float, at least 0
         Windows solved so far.
-    misfit : float
+    misfit : float, at least 0
         Misfit of the last one.
     resistance : float [Ohm]
         `resistance` of Mhe.

@@ -44,7 +44,7 @@ GOOD = 1.5  # misfit below which a window has taught something
 WANDER = 6.0  # reported deviations by which what is learnt of a healthy device wanders
 LEAST = 1e-12  # of a size, a value or a deviation that is divided by
 UNKNOWN = 1.0  # density of directions that are in no table
-BACK = 0.05  # share of R within which it is what it was before a fault
+BACK = 0.065  # share of R, and of a current, within which it is what it was before a fault
 TOLD = 0.5  # evidence with which a cause is given
 QUICK, SLOW = 1.0 / 50.0, 1.0 / 500.0  # weights of a window in the means whose difference is the trend
 PER = 1000.0  # operations to which a trend refers
@@ -87,7 +87,8 @@ def _sample(state: State, inputs: Inputs, par: Parameters) -> State:
     is_operation = is_over & is_set(state.operation.is_commanded)
     state = when(is_operation, lambda state: _judge(state, par), state)
     state = when(is_over, lambda state: state._replace(operation=_begin(inputs, state.operation.last)), state)
-    state = when(inputs.windows > state.learnt.solved, lambda state: _learn(state, inputs, par), state)
+    has_solved = not_(inputs.windows == state.learnt.solved)
+    state = when(has_solved, lambda state: _learn(state, inputs, par), state)
     return state._replace(operation=_go_on(state.operation, state.usually, inputs, par))
 
 
@@ -161,8 +162,7 @@ def _judge(state: State, par: Parameters) -> State:
     size = _length(deviation) / where(usual > LEAST, usual, LEAST)  # (2)
     is_familiar = _is_familiar(state, currents, par)
     is_still, is_abnormal = not_(is_set(operation.has_moved)), is_set(operation.is_abnormal)
-    is_excused = is_set(course.is_relearnt) & is_familiar
-    is_strange = is_still | (is_abnormal & (size > par.limit_strange) & not_(is_excused))
+    is_strange = is_still | (is_abnormal & (size > par.limit_strange) & not_(is_familiar))
     is_calm = not_(is_abnormal | is_still | (course.verdict == Verdict.faulty))
     course = course._replace(
         size=size,
@@ -176,9 +176,10 @@ def _judge(state: State, par: Parameters) -> State:
     state = when(is_calm, lambda state: _know(state, currents), state._replace(course=course))
 
     def learn() -> State:
-        is_usual = not_(is_set(operation.is_abnormal) | is_still) & (state.baseline.taught > 0.0)
+        is_usual = not_(is_abnormal | is_still) & (state.baseline.taught > 0.0)
         taught = when(is_usual, lambda b: _teach(b, means, is_closing), state.baseline)
-        return state._replace(baseline=taught)
+        profile = _with_half(course.profile, deviation, is_closing)
+        return state._replace(baseline=taught, course=course._replace(profile=profile))
 
     def look() -> State:
         return _look(state, deviation, is_strange, par)
@@ -233,11 +234,12 @@ def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -
 
 
 def _decide(state: State, par: Parameters) -> State:
-    """The causes of two strange operations, unless the first is a closing with a coil that has cooled."""
+    """The causes of a strange operation and the next one, unless a closing with a cold coil was all."""
     course, noise = state.course, state.baseline.usual_size
     still = vector([0.0] * (len(CAUSES) - 1) + [1.0])
     evidence = where_all(is_set(course.is_still), still, _evidence(course.profile, SUDDEN, noise))
-    is_fault = is_set(course.is_still) | not_(_is_cold(course.profile, noise))
+    is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
+    is_fault = is_set(course.is_still) | not_(is_usual & _is_cold(course.profile, noise))
     return when(is_fault, lambda state: _alarm(state, evidence), state)
 
 
@@ -290,16 +292,13 @@ def _note(state: State, inputs: Inputs, par: Parameters) -> State:
     is_learning = state.course.verdict == Verdict.learning
     state = when(is_learning, lambda state: _lay(state, values, inputs, par), state)
     old, base = state.learnt, state.baseline.healthy
-    begins = is_learning
-    moved = (values - base) / (WANDER * shares)
-    state = state._replace(
-        learnt=old._replace(
-            values=values,
-            moved=vector([where(begins, 0.0, x) for x in moved]),
-            quick=vector([where(begins, b, q + QUICK * (x - q)) for b, q, x in zip(base, old.quick, values)]),
-            slow=vector([where(begins, b, q + SLOW * (x - q)) for b, q, x in zip(base, old.slow, values)]),
-        )
+    is_first, begins = state.baseline.taught < 2.0, is_learning & not_(state.course.verdict == Verdict.learning)
+    quick, slow = (
+        where_all(begins, base, where_all(is_first, values, mean + share * (values - mean)))
+        for mean, share in ((old.quick, QUICK), (old.slow, SLOW))
     )
+    moved = (values - base) / (WANDER * shares)
+    state = state._replace(learnt=old._replace(values=values, moved=moved, quick=quick, slow=slow))
     is_calm = (state.course.verdict == Verdict.healthy) | (state.course.verdict == Verdict.worn)
     is_relearnt = is_set(state.course.is_relearnt)
     return when(is_calm & not_(is_relearnt), lambda state: _wear_out(state, inputs.time, par), state)

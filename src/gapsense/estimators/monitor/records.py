@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.kernels.interface import input_, measured, output, parameter, part, ports, sample_time
 from gapsense.kernels.layout import Array, Choice, Scalar, Vector
@@ -22,14 +22,14 @@ class Phase(Choice):
     before, moving, landed, held = range(4)
 
 
-def of_mhe(unit: str, signal: str, description: str) -> Scalar:
+def of_mhe(unit: str, signal: str, description: str, **more: Any) -> Scalar:
     """An output of `Mhe`."""
-    return input_(unit, description, source=f"mhe.{signal}")
+    return input_(unit, description, source=f"mhe.{signal}", **more)
 
 
-def learnt(unit: str, signal: str) -> Scalar:
+def learnt(unit: str, signal: str, nominal: float) -> Scalar:
     """A value that `Mhe` has learnt, or its standard deviation."""
-    return of_mhe(unit, signal, f"`{signal}` of Mhe")
+    return of_mhe(unit, signal, f"`{signal}` of Mhe", nominal=nominal)
 
 
 def usual(kind: str, where: str) -> Scalar:
@@ -82,27 +82,27 @@ class Inputs(NamedTuple):
     time: Scalar
     command: Scalar = input_("1", "Above 0.5: the coil is to be switched on")
     current: Scalar = measured("A", "Measured coil current; NaN where it was lost", nominal=0.4)
-    innovation: Scalar = of_mhe("A", "innovation", "Innovation")
-    mode: Scalar = of_mhe("1", "mode", "Mode that Mhe expects: 2 moving")
-    health_causes: Scalar = of_mhe("1", "health_causes", "Why Mhe is not healthy: bit 1 counts")
-    windows: Scalar = of_mhe("1", "windows", "Windows solved so far")
-    misfit: Scalar = of_mhe("1", "misfit", "Misfit of the last one")
-    resistance: Scalar = learnt("Ohm", "resistance")
-    eddy: Scalar = learnt("S", "eddy")
-    gap_factor: Scalar = learnt("1", "gap_factor")
-    knee: Scalar = learnt("A", "knee")
-    saturation: Scalar = learnt("Wb", "saturation")
-    hysteresis: Scalar = learnt("A", "hysteresis")
-    mass: Scalar = learnt("kg", "mass")
-    rest_position: Scalar = learnt("m", "rest_position")
-    resistance_std: Scalar = learnt("Ohm", "resistance_std")
-    eddy_std: Scalar = learnt("S", "eddy_std")
-    gap_factor_std: Scalar = learnt("1", "gap_factor_std")
-    knee_std: Scalar = learnt("A", "knee_std")
-    saturation_std: Scalar = learnt("Wb", "saturation_std")
-    hysteresis_std: Scalar = learnt("A", "hysteresis_std")
-    mass_std: Scalar = learnt("kg", "mass_std")
-    rest_position_std: Scalar = learnt("m", "rest_position_std")
+    innovation: Scalar = of_mhe("A", "innovation", "Innovation", nominal=1e-2)
+    mode: Scalar = of_mhe("1", "mode", "Mode that Mhe expects: 2 moving", min=0.0, max=3.0)
+    health_causes: Scalar = of_mhe("1", "health_causes", "Why Mhe is not healthy: bit 1 counts", min=0.0)
+    windows: Scalar = of_mhe("1", "windows", "Windows solved so far", min=0.0, nominal=100.0)
+    misfit: Scalar = of_mhe("1", "misfit", "Misfit of the last one", min=0.0)
+    resistance: Scalar = learnt("Ohm", "resistance", 48.0)
+    eddy: Scalar = learnt("S", "eddy", 1e-3)
+    gap_factor: Scalar = learnt("1", "gap_factor", 1.0)
+    knee: Scalar = learnt("A", "knee", 0.5)
+    saturation: Scalar = learnt("Wb", "saturation", 25e-3)
+    hysteresis: Scalar = learnt("A", "hysteresis", 10e-3)
+    mass: Scalar = learnt("kg", "mass", 1.6e-3)
+    rest_position: Scalar = learnt("m", "rest_position", 19e-3)
+    resistance_std: Scalar = learnt("Ohm", "resistance_std", 0.1)
+    eddy_std: Scalar = learnt("S", "eddy_std", 1e-4)
+    gap_factor_std: Scalar = learnt("1", "gap_factor_std", 0.01)
+    knee_std: Scalar = learnt("A", "knee_std", 0.01)
+    saturation_std: Scalar = learnt("Wb", "saturation_std", 1e-4)
+    hysteresis_std: Scalar = learnt("A", "hysteresis_std", 1e-3)
+    mass_std: Scalar = learnt("kg", "mass_std", 1e-5)
+    rest_position_std: Scalar = learnt("m", "rest_position_std", 1e-4)
 
 
 class Baseline(NamedTuple):
