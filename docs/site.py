@@ -1,4 +1,4 @@
-"""What the site has beside the pages in this folder: CONTRIBUTING, components, the gallery, the examples."""
+"""What the site has beside the pages in this folder: CONTRIBUTING, components, gallery, live scenarios, examples."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import cells
 import gallery
+import live
 
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.page import html
@@ -42,7 +43,7 @@ def page(folder: Path) -> str:
     body = CONTENTS.sub("", whole.partition("</h1>")[2].partition("</body>")[0])
     first, *parts = HEADING.split(body)
     chapters = (f"## {title}\n\n<div>{text}</div>\n" for title, text in zip(parts[::2], parts[1::2]))
-    return "\n".join([f"# {component.name}\n\n<div>{first}</div>\n", *chapters])
+    return "\n".join([f"# {component.name}\n\n<div>{first}</div>\n", *chapters, live.chapter(component.name)])
 
 
 def scripts() -> dict[str, Path]:
@@ -69,6 +70,8 @@ def on_files(files: Files, config: Any) -> Files:
     for entry in gallery.entries():
         picture = gallery.made(entry).read_bytes()
         files.append(File.generated(config, gallery.place(entry), content=picture))
+    for name in live.names():
+        files.append(File.generated(config, live.place(name), content=live.made(name)))
     for place, script in scripts().items():
         parts = cells.cells(script.read_text(encoding="utf-8"))
         with cells.elsewhere():
@@ -86,13 +89,14 @@ def in_site(file: Path) -> str:
     return file.read_text(encoding="utf-8").replace("](docs/", "](").replace("](CONTRIBUTING.md", "](contributing.md")
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Link to pages of components and examples; name the other files of the repository, which the site has not."""
     markdown = OF_COMPONENT.sub(
         lambda found: f"](components/{load_component(ROOT / 'fmus' / found[1]).name}.md)", markdown
     )
     markdown = re.sub(r"\]\(examples/(\w+)\.py\)", r"](examples/\1.md)", markdown)
     markdown = markdown.replace(PICTURES, gallery.page(gallery.entries()) if PICTURES in markdown else "")
+    markdown = live.framed(markdown, "../" * page.url.count("/"))
     names = [load_component(folder).name for folder in find_components(ROOT / "fmus")]
     markdown = markdown.replace(CLASSES, "\n".join(map(CLASS.format, sorted(names))))
     return ELSEWHERE.sub(lambda link: link[0] if is_in_site(link[2]) else f"{link[1]} (`{link[2]}`)", markdown)

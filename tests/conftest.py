@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
 
@@ -45,13 +45,8 @@ def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], obje
     return out
 
 
-def built(factory: pytest.TempPathFactory, name: str, *options: str) -> Path:
-    """Folder with the FMU of every component."""
-    return once(factory, name, lambda out: build(out, *options))
-
-
-def build(out: Path, *options: str) -> None:
-    """Another process does it, as FMUs should be built before they are loaded."""
+def build(out: Path, options: Sequence[str] = ()) -> None:
+    """The FMU of every component. Another process does it, as FMUs should be built before they are loaded."""
     done = subprocess.run(
         [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(out), *options],
         capture_output=True,
@@ -76,12 +71,14 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[
 
 @pytest.fixture(scope="session")
 def natives(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The native FMUs, for this machine only."""
+    """The native FMUs, for this machine only; likewise those in the folder `GAPSENSE_NATIVES`."""
     try:
         compilers(*chosen(["here"]))
     except NativeError as error:
         pytest.skip(f"no C compiler for native FMUs: {error}")
-    return built(tmp_path_factory, "natives", "--platforms", "here")
+    ready = os.environ.get("GAPSENSE_NATIVES")
+    make = partial(shutil.copytree, ROOT / ready) if ready else partial(build, options=("--platforms", "here"))
+    return once(tmp_path_factory, "natives", make)
 
 
 @pytest.fixture(scope="session")

@@ -23,17 +23,18 @@ WRONG = {  # of each plant; turns are known exactly
 }
 
 
-def factors(seed: int, run: int, count: int, width: float) -> Floats:
+def factors(seed: int, run: int, count: int, width: float, kind: str = "uniform") -> Floats:
     """Factors of the stops and of `count` parameters of one actuator; other actuators do not change them."""
-    errors = np.random.default_rng([seed, run]).uniform(-width, width, 1 + count)
+    chance = np.random.default_rng([seed, run])
+    errors = chance.uniform(-width, width, 1 + count) if kind == "uniform" else chance.normal(0.0, width, 1 + count)
     return np.asarray(1.0 + errors * np.r_[0.5, np.ones(count)])
 
 
-def drawn(plant: str, seed: int, runs: range, width: float) -> dict[str, Any]:
+def drawn(plant: str, seed: int, runs: range, width: float, kind: str = "uniform") -> dict[str, Any]:
     """Parameters of actuators: a number that all have, or one for each (runs,); tables are lists."""
     wrong = WRONG[plant]
     par: Mapping[str, Any] = kernel_parameters(own(plant), {})._asdict()
-    stops, *others = np.array([factors(seed, run, len(wrong), width) for run in runs]).T
+    stops, *others = np.array([factors(seed, run, len(wrong), width, kind) for run in runs]).T
     made = {name: par[name] * factor for name, factor in zip(wrong, others)}
     made |= {name: par[name] * stops for name in STOPS}
     return {**par, **made, "initial_position": made["stop_upper"]}

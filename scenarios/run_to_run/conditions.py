@@ -44,6 +44,7 @@ class Condition(NamedTuple):
     prior: float = 1.0  # of the estimator's standard deviations, that it is told
     plant: str = "reluctance_actuator"
     sample_time: float = 20e-6  # [s]
+    drawn: str = "uniform"  # those errors; "normal": the width is a standard deviation
     period: float = 20e-3  # of a cycle [s]
     closed: float = 9.8e-3  # until its opening begins [s]
     lengths: tuple[float, float] | None = None  # operations are drawn from these instead [s]
@@ -81,6 +82,13 @@ CONDITIONS = {
     "offset-step": Condition("current offset +10 mA from cycle 15 on", disturbance=Disturbance(step=10e-3)),
     "untold-noise": Condition("noise 12 mA, told 2 mA", {"sensor.noise_current": 12e-3}, laws=(*LEARNING, "both")),
     "softer": Condition("spring -15, damping -50 % over all cycles", drift=SOFTER),
+    "short": Condition("operations of 9 ms", period=18e-3, closed=9e-3),
+    "slow-samples": Condition("samples of 50 us", sample_time=50e-6),
+    "normal-10": Condition("parameters wrong by 10 %, normal", drawn="normal"),
+    "half-24": Condition(
+        "half bridge, 24 V", {"voltage_least": 0.0, "voltage_most": 24.0, **SLOW}, period=25e-3, closed=12e-3
+    ),
+    "told-noise": Condition("noise 20 mA", {"noise_current": 20e-3}),
     "rest-step": Condition("spring rest +6 % from cycle 15 on", step={"spring_rest": 1.06}),
     "damping-step": Condition("damping x 2 from cycle 15 on", step={"damping": 2.0}),
 }

@@ -128,7 +128,7 @@ def _controlling(kind: str, seen: Mapping[str, str]) -> list[Part]:
 def _parameters(part: str, kind: str, condition: Condition, seed: int, runs: range) -> dict[str, Any]:
     """Flat parameters of a part."""
     if part == "plant":
-        par = drawn(condition.plant, seed, runs, condition.width)
+        par = drawn(condition.plant, seed, runs, condition.width, condition.drawn)
     elif part == "law":
         par = _law(condition, kind)
     else:

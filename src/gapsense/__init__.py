@@ -8,8 +8,6 @@ A class for each component, `Scenario` and `run` for co-simulations, and a funct
 results: `inspect`, `identify`, `commission`, `gap_law`, `estimate`, `compare`. All of it is loaded when asked for.
 """
 
-from __future__ import annotations
-
 import os
 import sys
 

@@ -1,10 +1,12 @@
 """The program, `gapsense` or `python -m gapsense`: a Ctrl-C ends it with a word from its first moment on."""
 
 import _signal  # type: ignore[import-not-found]  # what `signal` is made of, which takes a while to load
+import gc
 import os
 import sys
 
 _signal.signal(_signal.SIGINT, lambda *_: (os.write(2, b"interrupted.\n"), os._exit(130)))
+gc.set_threshold(200_000)  # loading makes many objects that stay: to look for others among them takes a while
 
 
 def main() -> None:

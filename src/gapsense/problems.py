@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from sysconfig import get_path
-from traceback import extract_tb
 from typing import Any
 
 PACKAGE = Path(__file__).parent
 FOUNDATIONS = (PACKAGE, *(PACKAGE / name for name in ("_os", "kernels", "kernels/emit", "fmi")))
-LIBRARIES = tuple(map(get_path, ("stdlib", "purelib", "platlib")))
 SHOWN = 12  # names listed in a message before it says how many more there are
 
 
@@ -69,9 +65,13 @@ def place_of(error: Exception) -> str:
     """File and line that an error points at: the last that belong neither to our foundations nor to a library."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
+    from sysconfig import get_path  # here, so that programs start fast
+    from traceback import extract_tb
+
+    libraries = tuple(map(get_path, ("stdlib", "purelib", "platlib")))
     for frame in reversed(extract_tb(error.__traceback__)):
         file = Path(frame.filename)
-        is_others = not file.is_relative_to(PACKAGE) and frame.filename.startswith(("<", *LIBRARIES))
+        is_others = not file.is_relative_to(PACKAGE) and frame.filename.startswith(("<", *libraries))
         if file.parent not in FOUNDATIONS and not is_others:
             return f"{file}:{frame.lineno}"
     return ""
@@ -84,6 +84,8 @@ def number_of(count: int, noun: str) -> str:
 
 def suggest(name: str, known: Iterable[str]) -> str:
     """Sentence that offers the nearest known name, or lists what there is."""
+    from difflib import get_close_matches  # here, so that programs start fast
+
     names = sorted(known)
     near = get_close_matches(name, names, n=1)
     if near:

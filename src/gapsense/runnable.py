@@ -9,11 +9,12 @@ True
 
 from __future__ import annotations
 
-import math
+from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import deepcopy
 from functools import cache, cached_property
 from inspect import Parameter, Signature
+from math import isfinite
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
@@ -195,9 +196,12 @@ class Runnable:
         """
         values, step = self._sampled(sample_time)
         inputs = [float(x) for x in self._inputs(signals, named)]
-        time = 0.0 if self._moment is None else self._moment.time + step
         prepared = self._usual if values is self._values else self._prepared(values)
-        made, self._moment = self._advanced(self._moment, inputs, prepared, step, time)
+        state, time, dt = (None, 0.0, 0.0)
+        if self._moment is not None:
+            state, time, dt = self._moment.state, self._moment.time + step, step
+        made, state = self._advance(prepared)(state, [*(time, dt)[: self._clocks], *inputs])
+        self._moment = Moment(state, time)
         return self._outputs(*made)
 
     @property
@@ -243,7 +247,7 @@ class Runnable:
         step = float(usual if sample_time is None else sample_time)
         if SAMPLE_TIME in self.parameters and step != usual:
             return fields(self.ports, {**self.parameters, SAMPLE_TIME: step}, self.folder), step
-        if not (math.isfinite(step) and step > 0.0):
+        if not (isfinite(step) and step > 0.0):
             raise ValueError(say("step_size", repr(step)))
         return self._values, step
 
@@ -274,12 +278,7 @@ class Runnable:
         return arrays
 
     def _in_c(
-        self,
-        inputs: list[Floats],
-        chosen: list[int],
-        values: Mapping[str, Any],
-        start: float,
-        step: float,
+        self, inputs: list[Floats], chosen: list[int], values: Mapping[str, Any], start: float, step: float
     ) -> Floats | None:
         """The outputs by C; None where no compiler is. What fails is done again in Python, for its words."""
         if own_compiler() is None:
@@ -296,24 +295,22 @@ class Runnable:
         return data
 
     def _in_python(
-        self,
-        inputs: list[Floats],
-        run: int,
-        values: Mapping[str, Any],
-        start: float,
-        step: float,
+        self, inputs: list[Floats], run: int, values: Mapping[str, Any], start: float, step: float
     ) -> Floats:
         """The outputs of one run (outputs, samples) by the scalar code."""
-        moment, rows, prepared = None, [], self._prepared(values)
-        for k, row in enumerate(zip(*(x[run].tolist() for x in inputs))):
+        advance, state, found = self._advance(self._prepared(values)), None, array("d")
+        count = len(inputs[0][run])
+        times, steps = start + (np.arange(count) - 1.0) * step + step, np.full(count, step)
+        times[0], steps[0] = start, 0.0
+        clocks = [times, steps][: self._clocks]
+        for k, row in enumerate(zip(*(x.tolist() for x in (*clocks, *(x[run] for x in inputs))))):
             try:
-                time = start + (k - 1) * step + step if k else start
-                made, moment = self._advanced(moment, row, prepared, step, time)
+                made, state = advance(state, row)
             except ValueError as error:
                 where = f"run {run}, " if len(inputs[0]) > 1 else ""
                 raise ValueError(f"{where}sample {k}: {error}") from None
-            rows.append(made)
-        return np.array(rows).T
+            found.extend(made)
+        return np.frombuffer(found).reshape(count, -1).T
 
     def _prepared(self, values: Mapping[str, Any]) -> tuple[Any, Any]:
         """Flat parameters, and what a step needs of them."""
@@ -321,35 +318,28 @@ class Runnable:
         par = tuple(values[name] for name in names(self.kernel.module.Parameters))
         return par, scalar["constants"](par)
 
-    def _advanced(
-        self,
-        moment: Moment | None,
-        row: Sequence[float],
-        prepared: tuple[Any, Any],
-        dt: float,
-        time: float,
-    ) -> tuple[Sequence[float], Moment]:
-        """Outputs and where it stands after one step, or at the start."""
-        self._refuse(row)
-        clock = [time, 0.0 if moment is None else dt][: self._clocks]
-        scalar = self.kernel.scalar
-        if moment is None:
-            state, made = scalar["initial"]([*clock, *row], prepared[0])
-        else:
-            state, made = scalar["advance"](moment.state, [*clock, *row], prepared[1])
-        if not math.isfinite(sum(made)):
-            failing().refuse_non_finite(self.ports.of("output"), made, "outputs_not_finite")
-        return made, Moment(state, time)
+    def _advance(self, prepared: tuple[Any, Any]) -> Callable[..., tuple[Sequence[float], Any]]:
+        """The function of a state and a row of clocks and inputs that gives the outputs and the next state.
 
-    def _refuse(self, row: Sequence[float]) -> None:
-        """Refuse inputs as the FMU does."""
-        if self.ports.survives:
-            return
-        ports = self.ports.of("input")
-        if not math.isfinite(sum(row)):
-            failing().refuse_non_finite(ports, row, "inputs_not_finite")
-        if self._has_ranges and any(map(wrong_value, ports, row)):
-            failing().refuse_inputs(ports, row)
+        Without a state it initialises. It refuses what the FMU refuses.
+        """
+        initial, advance = self.kernel.scalar["initial"], self.kernel.scalar["advance"]
+        par, constants = prepared
+        clocks, inputs, outputs = self._clocks, self.ports.of("input"), self.ports.of("output")
+        survives, has_ranges = self.ports.survives, self._has_ranges
+
+        def advanced(state: Any, row: Sequence[float]) -> tuple[Sequence[float], Any]:
+            if not survives:
+                if not isfinite(sum(row)):
+                    failing().refuse_non_finite(inputs, row[clocks:], "inputs_not_finite")
+                if has_ranges and any(map(wrong_value, inputs, row[clocks:])):
+                    failing().refuse_inputs(inputs, row[clocks:])
+            state, made = initial(row, par) if state is None else advance(state, row, constants)
+            if not isfinite(sum(made)):
+                failing().refuse_non_finite(outputs, made, "outputs_not_finite")
+            return made, state
+
+        return advanced
 
 
 @cache

@@ -154,6 +154,18 @@ def test_ctrl_c_at_the_start_leaves_no_traces(process, fmus, tmp_path, monkeypat
     assert not list(temporary.iterdir()) and not (tmp_path / "out").exists()
 
 
+def test_program_that_is_killed_while_it_loads_leaves_no_process_and_no_folder(process, tmp_path, monkeypatch):
+    (temporary := tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    killing = IMPORTING.replace("signal.SIGINT", "signal.SIGKILL if list(os.scandir(os.environ['TMPDIR'])) else 0")
+    started = process(killing, "gapsense.cli.run", "run", VALVE, "--out", tmp_path / "out")
+    assert started.wait(60) == -signal.SIGKILL  # there was a folder
+    until = monotonic() + 30
+    while list(temporary.iterdir()) and monotonic() < until:
+        sleep(0.05)
+    assert not list(temporary.iterdir())
+
+
 @pytest.mark.parametrize("delay", [0, 10, 20, 40, 70, 100, 150])
 @pytest.mark.parametrize(
     "words", [["-m", "gapsense"], [Path(sys.executable).with_name("gapsense")]], ids=["-m", "script"]

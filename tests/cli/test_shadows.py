@@ -25,9 +25,16 @@ COMMANDS = {
     "test": ["test", "."],
     "sweep": ["sweep", "short", "--seeds", "2", "--workers", "1"],
     "campaign": ["campaign", "study.toml", "--workers", "1"],
-    "study": ["study", "monte-carlo", "--runs", "2", "--widths", "1", "--workers", "1"],
+    "study": ["study", "observability-rts"],
+    "long study": ["study", "monte-carlo", "--runs", "2", "--widths", "1", "--workers", "1"],
     "info": ["info", "Sensor"],
 }
+QUICK = [(MODULE, name) for name in COMMANDS if name != "long study"] + [(SCRIPT, "sweep")]
+STARTS = [
+    pytest.param(start, name, id=f"{name}-{kind}", marks=[] if (start, name) in QUICK else pytest.mark.slow)
+    for kind, start in (("script", SCRIPT), ("module", MODULE))
+    for name in COMMANDS
+]
 
 
 @pytest.fixture
@@ -40,14 +47,13 @@ def shadows(tmp_path):
     return tmp_path / "PWNED"
 
 
-@pytest.mark.parametrize("start", [SCRIPT, MODULE], ids=["script", "module"])
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(("start", "command"), STARTS)
 def test_command_imports_nothing_from_the_working_folder_and_leaves_no_temporary_files(
     write, fmus, shadows, tmp_path, start, command
 ):
     write(("bounds = [0.0, 0.01]", "bounds = [0.0, 1.0]"))
     (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
-    chosen = [] if command == "study" else ["--fmus", fmus]
+    chosen = [] if "study" in command else ["--fmus", fmus]
     (temporary := tmp_path / "temporary").mkdir()
     words, environment = [*start, *COMMANDS[command], *chosen], {**os.environ, "TMPDIR": str(temporary)}
     done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)

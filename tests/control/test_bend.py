@@ -92,10 +92,51 @@ def test_current_tells_whether_an_operation_has_arrived(half):
     ended = whole(hit(half, 0.1, 200.0))
     stays = hit(1.0 - half, 0.1, 1.0)
     stays = ended._replace(charges=np.roll(stays.charges, LONGEST))
-    assert bend.arrived(ended, PAR) == (True, False)
-    assert bend.arrived(stays, PAR) == (False, True)
+    is_there, is_absent, seated = bend.arrived(ended, 0.0, PAR)
+    assert (is_there, is_absent) == (True, False) and seated > 0.0
+    assert bend.arrived(stays, 0.0, PAR)[0] == False  # noqa: E712
+    assert bend.arrived(stays, seated, PAR) == (False, True, seated)
     cut = ended._replace(running=ended.running._replace(age=200.0))
-    assert bend.arrived(cut, PAR) == (False, False)
+    assert bend.arrived(cut, seated, PAR) == (False, False, seated)
+
+
+def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_landings():
+    """It has 0.26 mm to go, and lands with the voltage that holds: no bound of the nominal actuator tells that."""
+    state = whole(hit(CLOSING, 0.1, 200.0))
+    _, _, seated = bend.arrived(state, 0.0, PAR)
+    floating = whole(hit(CLOSING, 0.1, 200.0 + 0.26e-3 / 0.1 / PAR.sample_time))
+    half = slice(LONGEST, 2 * LONGEST)
+    z = 0.26e-3 + stops(True, make_mover(PAR))[1]
+    current = FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0]
+    floating.charges[half] = current * PAR.sample_time * np.arange(LONGEST)
+    assert bend.arrived(floating, 0.0, PAR)[1] == False  # noqa: E712
+    assert bend.arrived(floating, seated, PAR)[1] == True  # noqa: E712
+    for law in (0.0, 1.0):  # a contact that is only heard after the plan denies nothing
+        known = laws.write(floating.laws, CLOSING, laws.read(floating.laws, CLOSING)._replace(seated=seated))
+        heard = Heard(2.0, 1.0, 80.0, 480.0 * (1.0 - law), 0.0, 0.0)
+        judged = judged_by_current(floating._replace(laws=known, by_model=law, heard=heard), PAR)
+        assert judged.noted.changed == 1.0 and judged.alarm == 2.0
+
+
+def test_reluctance_of_a_seated_mover_follows_what_is_nearer_at_once_and_what_is_farther_slowly():
+    state = whole(hit(CLOSING, 0.1, 200.0))
+    _, _, seated = bend.arrived(state, 0.0, PAR)
+    assert bend.arrived(state, 1.5 * seated, PAR)[2] == seated
+    assert bend.arrived(state, 0.9 * seated, PAR)[2] == pytest.approx(0.91 * seated)
+
+
+def test_bend_where_hardly_any_flux_linkage_is_left_is_no_hit():
+    """The voltage ends there, and current over flux linkage is noise."""
+    state = hit(OPENING, 0.9)
+    for balance_flux, is_hit in ((1.5 * FLUX, True), (2.5 * FLUX, False)):
+        told = state._replace(running=state.running._replace(balance_flux=balance_flux))
+        assert (watched(told, 0.0).heard.hit > 0.0) == is_hit
+
+
+def test_contact_long_after_a_hit_is_a_second_landing():
+    """Though in time: the mover was pushed back from its stop between two samples."""
+    state = watched(hit(CLOSING, 0.75, 220.0), 262.0)
+    assert state.heard.landing == pytest.approx(220.0, abs=5) and state.noted.changed == 1.0
 
 
 def felt(half, landing, missed):

@@ -138,8 +138,7 @@ def build_arrays(gcc: str, folder: Path) -> Path:
 def packed(gcc: str, version: int, folder: Path, source: str, name: str, description: str) -> Path:
     """An FMU of a source."""
     library, platform = folder / f"{name}.so", "linux64" if version == 2 else "x86_64-linux"
-    sources = [str(HERE / file) for file in (source, "absent.c")]
-    command = [gcc, *OPTIONS, f"-DFMI={version}", f"-I{HEADERS}", *sources, "-o", str(library), "-lm"]
+    command = [gcc, *OPTIONS, f"-DFMI={version}", f"-I{HEADERS}", str(HERE / source), "-o", library, "-lm"]
     subprocess.run(command, check=True, capture_output=True, text=True)
     path = folder / f"{name.capitalize()}.fmu"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

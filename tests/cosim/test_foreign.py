@@ -217,6 +217,17 @@ def test_wrong_guid_is_told_in_the_words_of_the_component(write, foreign, tmp_pa
         run(write(HEAD + text))
 
 
+@pytest.mark.parametrize("version", [2, 3])
+def test_library_without_a_function_that_runs_need_is_told_before_the_run(write, foreign, tmp_path, version):
+    with zipfile.ZipFile(foreign / f"Types{version}.fmu") as source, zipfile.ZipFile(tmp_path / "a.fmu", "w") as target:
+        for name in source.namelist():
+            target.writestr(name, source.read(name).replace(b"Terminate\0", b"Dominate_\0"))
+    inputs = "".join(f'"a.{n}" = 0\n' for n in WHOLES[version] + ["single"] * (version == 3))
+    text = f'[components.a]\nfmu = "a"\n[inputs]\na.u = 0\na.flag = false\na.text = ""\na.mode = 1\n{inputs}'
+    with pytest.raises(FmuError, match=rf"cannot be instantiated.*undefined symbol: fmi{version}Terminate"):
+        run(write(HEAD + text), fmus=tmp_path)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

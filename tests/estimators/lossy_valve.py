@@ -6,12 +6,12 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from c_code import driven, fresh
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.kernel import Kernel
 from gapsense.scenarios.estimators.parameters import VALVE, reduced
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 
 T_S, HALF, START, CYCLES = 20e-6, 500, 50, 4  # sampling period and samples of the usual signals
 
@@ -39,20 +39,17 @@ def square_wave(sample_time: float = T_S) -> Signals:
 
 def faulty(first: int, last: int, halves: int = 12, volts: float = 30.0, **changes: float) -> Signals:
     """The square wave with another valve in some of its halves; else as `square_wave`."""
-    kernel, k = Kernel(reluctance_actuator), np.arange(START + halves * HALF)
+    kernel, k = fresh(reluctance_actuator), np.arange(START + halves * HALF)
     half = (k - START) // HALF
     voltage = np.where((k >= START) & (half % 2 == 0), volts, 0.0)
     devices = (RTS_VALVE, RTS_VALVE._replace(**changes))
-    state, out = kernel.initial(reluctance_actuator.Inputs(0.0, 0.0, 0.0), RTS_VALVE)
-    rows = [out]
-    for n in range(1, k.size):
-        given = reluctance_actuator.Inputs(n * T_S, T_S, float(voltage[n - 1]))
-        state, out = kernel.step(state, given, devices[int(first <= half[n] < last)])
-        rows.append(out)
-    current, *others = (
-        np.array([float(getattr(row, name)) for row in rows])
-        for name in ("current", "mode", "position", "flux_linkage")
-    )
+    rows = np.empty((k.size, kernel.outputs.size))
+    for n in range(k.size):
+        given = (n * T_S, T_S, voltage[n - 1]) if n else (0.0, 0.0, 0.0)
+        kernel.call("step" if n else "initial", given, devices[int(first <= half[n] < last)])
+        rows[n] = kernel.outputs
+    places = map(reluctance_actuator.Outputs._fields.index, ("current", "mode", "position", "flux_linkage"))
+    current, *others = (rows[:, place] for place in places)
     return Signals(voltage, current + 2e-3 * np.random.default_rng(2).standard_normal(k.size), *others)
 
 

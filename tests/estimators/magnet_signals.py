@@ -7,12 +7,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from c_code import driven
 from magnets import POT_MAGNET, POT_MAGNET_PRINTED
 from table_i import defaults
 
 from gapsense.actuators import pot_magnet
 from gapsense.estimators import hybrid_ekf
-from gapsense.studies.devices import driven
 
 T_S = 1e-4
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}

@@ -6,10 +6,11 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from c_code import driven
 from lossy_valve import HALF, START, T_S
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 
 CYCLES, CYCLE = 6, 2 * HALF
 

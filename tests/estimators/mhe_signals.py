@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import copy
-import tempfile
 from collections.abc import Callable, Iterable
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from c_code import CKernel
+from c_code import CKernel, fresh
 
 from gapsense.estimators.mhe import mhe
 from gapsense.estimators.mhe.model import (
@@ -94,17 +91,9 @@ def true_device(par: mhe.Parameters) -> Device:
     return Device(*(f * value for f, value in zip(factors, device(par))))
 
 
-@cache
-def _compiled() -> CKernel:
-    with tempfile.TemporaryDirectory() as folder:
-        return CKernel(KERNEL, Path(folder))
-
-
 def kernel() -> CKernel:
     """Another instance of the kernel in C."""
-    made = copy.copy(_compiled())
-    made.memory, made.state, made.outputs = [m.copy() for m in made.memory], made.state.copy(), made.outputs.copy()
-    return made
+    return fresh(mhe)
 
 
 def state_of(c: CKernel) -> mhe.State:

@@ -5,22 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from c_code import run
 from valve_signals import T_S
 
 from gapsense.estimators import ertss
-from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 
-KERNEL = Kernel(ertss)
 SHOWN = ("position", "velocity", "flux_linkage", "position_std", "velocity_std")
 
 
 def stepped(voltage: Any, current: Any, mode: Any, par: Any, debounce: float = 0.0) -> dict[str, np.ndarray]:
     """Outputs at samples 0, T_s, 2 T_s, ... for parameters of the filter."""
     columns = (np.arange(len(mode)) * T_S, voltage, current, mode, np.zeros(len(mode)))  # no resistance is wired
-    given = list(zip(*(np.asarray(column, float).tolist() for column in columns)))
-    _, rows = KERNEL.run(given, ertss.Parameters(par, debounce))
-    return dict(zip(names(ertss.Outputs), np.array(rows, float).T))
+    return dict(zip(names(ertss.Outputs), run(ertss, np.column_stack(columns), ertss.Parameters(par, debounce)).T))
 
 
 def published(found: dict[str, np.ndarray]) -> np.ndarray:

@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from c_code import driven
+from c_code import run as run_in_c
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ekf, ertss
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.sensor import sensor
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 
 T_S, NEAR = 20e-6, 5e-6  # sampling period; distance of a stop at which its contact closes [m]
 VOLTAGE = np.tile(np.repeat([30.0, 0.0], 500), 3)
@@ -38,8 +39,7 @@ def run(module: Any, par: Any, given: dict[str, np.ndarray]) -> dict[str, np.nda
     """Outputs of a kernel by name."""
     known = {"time": T_S * np.arange(VOLTAGE.size), **given}
     columns = {name: known.get(name, np.zeros(VOLTAGE.size)) for name in names(module.Inputs)}
-    _, found = Kernel(module).run(([float(x) for x in row] for row in zip(*columns.values())), par)
-    return dict(zip(names(module.Outputs), np.array(found, float).T))
+    return dict(zip(names(module.Outputs), run_in_c(module, np.column_stack([*columns.values()]), par).T))
 
 
 def estimated(module: Any, s: dict[str, np.ndarray], **changes: float) -> dict[str, np.ndarray]:

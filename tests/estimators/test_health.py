@@ -8,36 +8,28 @@ together and long runs were not used.
 
 from __future__ import annotations
 
-from itertools import repeat
 from typing import Any
 
 import numpy as np
 import pytest
+from c_code import run as run_in_c
 from kernel_cases import components
 from lossy_valve import HALF, START, T_S, Signals, believed, faulty, square_wave
 
 from gapsense.estimators import ekf, readings, ukf
 from gapsense.estimators.watch import stationary
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, gap_table, tabulated
 from gapsense.studies.devices import RTS_VALVE
 
-KERNEL, BLIND = Kernel(ekf), Kernel(ukf)
 PAPER = 0.0  # memory of the current error [s]
 
 
 def run(par: Any, s: Signals) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
-    constants = KERNEL.scalar["constants"](tuple(par))
-    rows = list(zip(s.voltage.tolist(), s.current.tolist(), s.mode.tolist(), repeat(0.0)))
-    state, outputs = KERNEL.scalar["initial"](rows[0], tuple(par))
-    found = [outputs]
-    for given in rows[1:]:
-        state, outputs = KERNEL.scalar["advance"](state, given, constants)
-        found.append(outputs)
-    return dict(zip(names(ekf.Outputs), np.array(found, float).T))
+    rows = np.c_[s.voltage, s.current, s.mode, np.zeros(s.mode.size)]
+    return dict(zip(names(ekf.Outputs), run_in_c(ekf, rows, par).T))
 
 
 def says(found: dict[str, np.ndarray], cause: float) -> np.ndarray:
@@ -138,8 +130,8 @@ def blind(**changes: float) -> Any:
 
 def run_blind(par: Any, s: Signals) -> dict[str, np.ndarray]:
     """Outputs of `BoundedUkf` by name."""
-    rows = list(zip(s.voltage.tolist(), s.current.tolist(), repeat(0.0)))
-    return dict(zip(names(ukf.Outputs), np.array(BLIND.run(rows, par)[1], float).T))
+    rows = np.c_[s.voltage, s.current, np.zeros(s.voltage.size)]
+    return dict(zip(names(ukf.Outputs), run_in_c(ukf, rows, par).T))
 
 
 BLIND_FIRST, BLIND_LAST, HALVES = 12, 18, 26  # halves: the first ones teach what innovations are usual

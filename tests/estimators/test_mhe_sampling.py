@@ -6,13 +6,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+from c_code import driven
 from mhe_plant import Plant
 from mhe_signals import blind, rows, run
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import readings
 from gapsense.fmi.components import load_component, own
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 
 FINE, OPERATIONS, FIRST = 6, 14, 6  # steps of the plant in a sample; operations, and those before errors count
 

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from c_code import driven
 from lossy_valve import HALF, T_S
 from mhe_plant import CYCLE, CYCLES, START, Plant, noisy
 from mhe_signals import blind, kernel, rows, run, state_of
@@ -13,7 +14,7 @@ from soft_landings import RUNS, Told, estimated, landings, told
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators.mhe import mhe, solve, window
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 
 LONG = [pytest.param(20e-6, restitution, marks=pytest.mark.slow) for restitution in (0.0, 0.3)]
 CASES = pytest.mark.parametrize(("dt", "restitution"), [(50e-6, 0.0), *LONG])

@@ -7,7 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from smoother_runs import KERNEL, assert_published
+from c_code import driven
+from c_code import run as run_in_c
+from smoother_runs import assert_published
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ertss, readings
@@ -15,7 +17,7 @@ from gapsense.estimators.rts import smooth_record
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, blind
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE
 
 T_S, HALF, CYCLES = 20e-6, 500, 4
 SEEDS = (900, 901, 902)  # draws on which nothing was chosen
@@ -53,8 +55,8 @@ def run(seed: int, restitution: float, spread: float = 0.0, **changes: float) ->
     s = dict(zip(shown, driven(reluctance_actuator, par, voltage, T_S, *shown).T), voltage=voltage)
     measured = s["current"] + 2e-3 * rng.standard_normal(voltage.size)
     columns = (T_S * np.arange(voltage.size), voltage, measured, s["mode"], np.zeros(voltage.size))
-    _, rows = KERNEL.run(zip(*(c.tolist() for c in columns)), kernel_parameters(own("ertss"), blind(VALVE) | changes))
-    return Run(s, measured, dict(zip(names(ertss.Outputs), np.array(rows, float).T)))
+    found = run_in_c(ertss, np.column_stack(columns), kernel_parameters(own("ertss"), blind(VALVE) | changes))
+    return Run(s, measured, dict(zip(names(ertss.Outputs), found.T)))
 
 
 def landings(one: Run, mode: float) -> list[Landed]:
@@ -130,8 +132,8 @@ def test_a_jump_of_the_voltage_or_a_wild_current_is_no_impact() -> None:
         for first in np.flatnonzero((s["mode"][1:] == CLOSING) & (s["mode"][:-1] == 2.0)):
             told[name][first - 12] += size
         columns = (T_S * np.arange(s["mode"].size), told["voltage"], told["current"], s["mode"], 0.0 * s["mode"])
-        _, rows = KERNEL.run(zip(*(c.tolist() for c in columns)), kernel_parameters(own("ertss"), blind(VALVE)))
-        found = dict(zip(names(ertss.Outputs), np.array(rows, float).T))
+        rows = run_in_c(ertss, np.column_stack(columns), kernel_parameters(own("ertss"), blind(VALVE)))
+        found = dict(zip(names(ertss.Outputs), rows.T))
         assert found["bounces"].max() == 0.0 and np.array_equal(found["takeoff_time"], one.found["takeoff_time"])
 
 

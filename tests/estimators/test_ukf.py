@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import valve_model_textbook as textbook
+from c_code import driven
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from table_i import defaults
@@ -20,7 +21,6 @@ from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.valve_model import Held
 from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import VALVE as SOLENOID_VALVE
-from gapsense.studies.devices import driven
 
 KERNEL = Kernel(ukf)
 FIELDS = ukf.Outputs._fields

@@ -14,7 +14,7 @@ import pytest
 from pages import FENCE, blocks, read
 from sources import ROOT
 
-from gapsense._os.native import NativeError
+from gapsense._os.native import ZIG, NativeError, zig_version
 from gapsense.fmi.native.platforms import chosen, compilers
 
 if sys.version_info >= (3, 11):
@@ -34,6 +34,7 @@ LONG = (
     "identification",
     "measure-your-valve",
     "native",
+    "page",
     "regression",
     "report",
 )
@@ -141,6 +142,13 @@ def compiler() -> None:
         pytest.skip(f"no C compiler: {error}")
 
 
+def zig() -> None:
+    """What compiles a page, and what chooses its panels."""
+    pytest.importorskip("bokeh")
+    if zig_version() != ZIG:
+        pytest.skip(f"no ziglang {ZIG}, which compiles pages")
+
+
 def cc() -> None:
     if shutil.which("cc") is None:
         pytest.skip("no program `cc`")
@@ -153,5 +161,6 @@ BEFORE = {
     "estimators.md": examples,
     "microcontrollers.md": cc,
     "native.md": compiler,
+    "page.md": zig,
     "measure-your-valve.md": lambda: records(valve=30.0, valve_30=30.0, valve_24=24.0, valve_27=27.0),
 }

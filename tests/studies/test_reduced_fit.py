@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from c_code import driven
 from scipy.signal import lfilter
 
 from gapsense.actuators import solenoid_valve
@@ -20,7 +21,7 @@ from gapsense.scenarios.soft_landing.core_fit import (
     of_reference_cycle,
     standard_errors,
 )
-from gapsense.studies.devices import VALVE, driven
+from gapsense.studies.devices import VALVE
 
 FMUS = Path(__file__).parents[2] / "fmus"
 PAR = kernel_parameters(FMUS / "ekf", {})

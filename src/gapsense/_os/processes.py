@@ -39,7 +39,7 @@ LOOK = 0.2  # seconds between two looks at whether the other process is still th
 GLANCE = 0.002  # seconds between two looks at whether a process that was told to end has ended
 START = (
     "[_signal.signal(s, _signal.SIG_IGN) for n in ('SIGINT', 'SIGTERM', 'SIGHUP') if (s := getattr(_signal, n, 0))]; "
-    "from gapsense._os.processes import main; main()"
+    "import gc; gc.set_threshold(200_000); from gapsense._os.processes import main; main()"
 )
 ROUNDS = 20  # in which processes are ended that start others meanwhile
 SHOWN = 2000  # characters of a process's last words

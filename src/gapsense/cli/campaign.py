@@ -39,9 +39,7 @@ group = typer.Typer(
 cli.app.add_typer(group, name="campaign")
 Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result", show_default=False)]
 Export = Annotated[
-    Path | None,
-    cli.Output.FILE,
-    typer.Option(help="CSV or Parquet file to write, one row per run", show_default=False),
+    Path | None, cli.Output.FILE, typer.Option(help="CSV or Parquet file to write, one row per run", show_default=False)
 ]
 
 

@@ -53,8 +53,9 @@ def build(
     platforms: Annotated[
         list[str] | None,
         typer.Option(
-            help="Platforms of native FMUs, separated by commas: linux64, win64, darwin64, aarch64-linux, here",
-            show_default="all of them with ziglang, else this machine's",
+            help="Platforms of native FMUs, separated by commas: linux64, win64, darwin64, aarch64-linux,"
+            " wasm32-wasip2, here",
+            show_default="all but wasm32-wasip2 with ziglang, else this machine's",
         ),
     ] = None,
     scalars: Annotated[

@@ -39,13 +39,11 @@ def export_c(
         ),
     ] = None,
     settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="PARAMETER=VALUE: another start value", show_default=False),
+        list[str] | None, typer.Option("--set", help="PARAMETER=VALUE: another start value", show_default=False)
     ] = None,
     bake: Annotated[bool, typer.Option("--bake", help="Make the parameters constants of the code")] = False,
     lean: Annotated[
-        bool,
-        typer.Option("--lean", help="Use the form with fewer operations, whose rounding differs (semera only)"),
+        bool, typer.Option("--lean", help="Use the form with fewer operations, whose rounding differs (semera only)")
     ] = False,
     root: Root = None,
 ) -> None:

@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+import signal
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from gapsense import cosim
 from gapsense._os.files import refuse_unwritable
-from gapsense._os.interrupts import counted
-from gapsense.cli.console import APART, FAILED, INTERRUPTED, bar, chosen, notice, problem, reported, show
-from gapsense.cosim.run.ahead import run_ahead
+from gapsense._os.interrupts import counted, handled
+from gapsense.cli.console import APART, FAILED, INTERRUPTED, bar, chosen, notice, problem, show
+from gapsense.cli.straight import NATIVE, SCENARIO, SET
 from gapsense.problems import number_of
 
-SCENARIO, NATIVE, SET = "scenario", "--native", "--set"
-KINDS = {SCENARIO: Path, "--variant": str, "--fmus": Path, "--out": Path, SET: str, NATIVE: bool}
 TO = Path("results")
-COMPLETES = "_GAPSENSE_COMPLETE"  # variable of the environment: the shell asks for completions
 
 
-def straight(words: Sequence[str]) -> dict[str, Any] | None:
-    """Options of a run as they are mostly given; None for all else, which typer parses, or explains."""
-    given: dict[str, Any] = {}
-    left = iter(words)
-    for word in left:
-        name = word if word.startswith("-") else SCENARIO
-        is_named = name not in (SCENARIO, NATIVE)
-        value = next(left, "") if is_named else word
-        if name not in KINDS or not value or (is_named and value.startswith("-")) or (name in given and name != SET):
-            return None
-        given[name] = [*given.get(name, []), value] if name == SET else KINDS[name](value)
-    return given if SCENARIO in given and COMPLETES not in os.environ else None
-
-
-def run_straight(given: dict[str, Any]) -> None:
-    """Run a scenario with options that `straight` understood."""
-    with reported(), run_ahead():
+def run_straight(given: dict[str, Any], interrupts: Callable[[], int]) -> None:
+    """Run a scenario with options that `straight` understood, unless there was a Ctrl-C before."""
+    with handled(signal.default_int_handler):
+        if interrupts():
+            raise KeyboardInterrupt
         fmus = chosen(given[SCENARIO], given.get("--fmus"), NATIVE in given)
         run(given[SCENARIO], given.get("--variant"), fmus, given.get("--out", TO), settings=given.get(SET))
 

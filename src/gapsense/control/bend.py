@@ -13,18 +13,21 @@ from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
 from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import cond, floor, load, sqrt, square, where
+from gapsense.kernels.trace import cond, floor, load, not_, sqrt, square, where
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
 HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [m/s] and so many standard deviations
 ALONE = 0.55  # the same without a contact [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
-NEAR = (0.65, 0.9)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
+NEAR = (0.65, 0.97)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
+LARGE = 0.5  # of the flux linkage that balances the spring at first: with less the bend is that of the voltage
 LATEST = 2e-3  # time after the planned arrival in which a stop is still heard without a contact [s]
-SEATED = 0.5e-3  # time after the planned arrival at which it is told [s]
+SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
+APART = (1.25, 0.75)  # of the reluctance of a seated mover: a closing, an opening beyond has not arrived in time
+FOLLOW = 0.1  # share by which that follows a mover that seems farther away
 UNKNOWN = 1e3  # error of what was not measured
 
 
@@ -49,6 +52,8 @@ def watched(state: State, par: Parameters) -> Heard:
         is_near = at * par.sample_time > plan.lead + where(running.command > 0.5, *NEAR) * plan.travel
         last = plan.lead + arrival(plan) + where(state.by_model > 0.0, LATEST, 0.0)
         is_near = is_near & (running.age * par.sample_time <= last)
+        place = running.command * LONGEST + where(at > 0.0, at, 0.0)
+        is_near = is_near & (load(state.fluxes, place) > LARGE * running.balance_flux)
         return cond(is_near, looked, before)
 
     hardest, hit = cond(is_on & (heard.landing < 1.0), near, before)
@@ -78,17 +83,30 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     return where(plan.is_closing, after - before, before - after)
 
 
-def arrived(state: State, par: Parameters) -> tuple[Scalar, Scalar]:
-    """Whether the operation under way has ended at its stop, and whether it has not, by current over flux linkage."""
+def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
+    """Whether the mover was at its stop when it was due, whether it was not, and the reluctance seated from then on.
+
+    The reluctance is current over flux linkage, of that of the open actuator; `seated` is that of the last operations
+    that have arrived.
+    """
     running, n, T_s, m = state.running, piece(par), par.sample_time, make_mover(par)
-    is_kept = (running.due > n) & (running.due + n <= running.age) & (running.due + n < LONGEST)
-    at, is_closing = running.command * LONGEST + where(is_kept, running.due, n), running.command > 0.5
-    charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
     opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
-    open_charge = 2.0 * n * T_s * flux * opened
-    is_closed, is_open = charge < CLOSED * open_charge, charge > OPENED * open_charge
-    is_told = is_kept & (flux > TELLING)
-    return is_told & where(is_closing, is_closed, is_open), is_told & where(is_closing, is_open, is_closed)
+
+    def reluctance(due: Scalar) -> tuple[Scalar, Scalar]:
+        is_kept = (due > n) & (due + n <= running.age) & (due + n < LONGEST)
+        at = running.command * LONGEST + where(is_kept, due, n)
+        charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
+        is_told = is_kept & (flux > TELLING)
+        return charge / where(is_told, 2.0 * n * T_s * flux * opened, 1.0), is_told
+
+    is_closing, later = running.command > 0.5, floor(LATER / T_s + 0.5)
+    (early, is_early), (found, is_told) = reluctance(running.due), reluctance(running.due + later)
+    is_elsewhere = where(is_closing, found > APART[0] * seated, found < APART[1] * seated)
+    is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
+    is_there = is_early & where(is_closing, early < CLOSED, early > OPENED) & not_(is_absent)
+    is_better = (seated <= 0.0) | where(is_closing, found < seated, found > seated)
+    follows = where(is_better, found, seated + FOLLOW * (found - seated))
+    return is_there, is_absent, where(is_told & not_(is_absent), follows, seated)
 
 
 def due(plan: Operation, par: Parameters) -> Scalar:

@@ -6,7 +6,7 @@ from gapsense.control import laws
 from gapsense.control.bend import arrived, landed
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
-from gapsense.control.tracking import planned
+from gapsense.control.tracking import is_after, planned
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import cond, not_, where
@@ -62,11 +62,12 @@ def judged_by_current(state: State, par: Parameters) -> State:
     speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
     is_hard = is_soft & (speed > AUDIBLE)
-    (is_there, is_absent), is_closing = arrived(state, par), running.command > 0.5
-    is_short = is_soft & where(by_contact, heard.landing < 1.0, is_absent & is_closing)
-    law = laws.read(state.laws, running.command)
+    law, is_closing = laws.read(state.laws, running.command), running.command > 0.5
+    is_there, is_absent, seated = arrived(state, law.seated, par)
+    has_touched = by_contact & (heard.landing > 0.0) & not_(is_after(running, heard.landing, par))
+    is_short = is_soft & not_(has_touched) & (is_absent | (by_contact & (heard.landing < 1.0)))
     is_felt = is_soft & is_there & is_closing & not_(by_contact) & (law.missed > 0.0)
-    law = law._replace(missed=law.missed - where(is_felt, FELT, 0.0))
+    law = law._replace(missed=law.missed - where(is_felt, FELT, 0.0), seated=where(is_soft, seated, law.seated))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     return _alarmed(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
@@ -82,7 +83,8 @@ def _with_hit(state: State, par: Parameters) -> Heard:
     heard, running = state.heard, state.running
     plan = planned(running.command, running.speed, running.travel, 0.0, par)
     late = heard.landing * par.sample_time - plan.lead - arrival(plan)
-    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY))
+    is_after_it = (heard.landing - heard.hit) * par.sample_time > TARDY
+    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
     return heard._replace(landing=where(is_before, heard.hit, heard.landing))
 
 

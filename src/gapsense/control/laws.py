@@ -57,6 +57,7 @@ def first(travel: Scalar, par: Parameters) -> Law:
         length=0.0,
         was_plain=1.0,
         was_followed=1.0,
+        seated=0.0,
     )
 
 

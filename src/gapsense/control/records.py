@@ -12,8 +12,8 @@ from gapsense.kernels.layout import COUNT, Array, Choice, Count, Memory, Scalar,
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 29  # numbers of a `Law`
-LAW_SPANS = (*[None] * 26, COUNT, None, None)  # its `length` is a count
+LAW = 30  # numbers of a `Law`
+LAW_SPANS = (*[None] * 26, COUNT, None, None, None)  # its `length` is a count
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -154,6 +154,7 @@ class Law(NamedTuple):
     length: Scalar  # samples of the last one
     was_plain: Scalar  # 1: that was an ordinary one
     was_followed: Scalar  # 1: in that the flux linkage could follow the profile
+    seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
 
 
 class Running(NamedTuple):

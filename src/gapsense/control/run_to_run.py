@@ -139,7 +139,7 @@ def _readable(state: State, inputs: Inputs) -> Inputs:
         estimated_mass=0.0,
     )
     return Inputs(*(where(says_numbers, new, none) for new, none in zip(inputs, silent)))._replace(
-        impact_speed=where(can_be_read(inputs.impact_speed, FASTEST), inputs.impact_speed, 0.0),
+        impact_speed=where(can_be_read(inputs.impact_speed, FASTEST), inputs.impact_speed, 0.0)
     )
 
 

@@ -42,9 +42,14 @@ def mover_of(learnt: Array, par: Parameters) -> Mover:
 
 def is_late(running: Running, par: Parameters) -> Scalar:
     """Whether an operation has lasted longer than its plan, an ordinary one than a first plan."""
+    return is_after(running, running.age, par)
+
+
+def is_after(running: Running, sample: Scalar, par: Parameters) -> Scalar:
+    """Whether a sample of an operation comes after its plan."""
     is_closing = running.command > 0.5
     lead = where(is_closing, par.closing_lead, par.opening_lead)
-    return running.age * par.sample_time > lead + running.travel + par.approach_time
+    return sample * par.sample_time > lead + running.travel + par.approach_time
 
 
 def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:

@@ -668,6 +668,10 @@ def check_record(scenario: Scenario, descriptions: Descriptions, knows_times: bo
             yield f"metrics.{metric.name}.event: there is no event `{metric.event}`. {known}"
         if knows_times:
             yield from check_window(metric, scenario)
+    parameters = [f"{name}.{p.name}" for name, d in descriptions.items() for p in d.of("parameter")]
+    for name in scenario.controls:
+        if name not in parameters:
+            yield f"page.controls: `{name}` is no parameter. {suggest(name, parameters)}"
     yield from unmatched(scenario.baseline.signals or (), recorded, "baseline.signals")
     yield from unmatched(scenario.baseline.tolerances, recorded, "baseline.tolerances")
 

@@ -30,11 +30,7 @@ def scenario_html(tables: Mapping[str, Any], line: str) -> str:
 
 
 def result_html(
-    title: str,
-    line: str,
-    metrics: Mapping[str, Measured],
-    signals: Mapping[str, Vector],
-    units: Mapping[str, str],
+    title: str, line: str, metrics: Mapping[str, Measured], signals: Mapping[str, Vector], units: Mapping[str, str]
 ) -> str:
     """Result as HTML."""
     from gapsense.report import pages

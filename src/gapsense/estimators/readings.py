@@ -59,12 +59,7 @@ class Health(NamedTuple):
     """Health of an estimator, by its own judgement."""
 
     health: Scalar = output("1", "1: to be trusted as far as the filter can tell; 0: not", min=0.0, max=1.0)
-    health_causes: Scalar = output(
-        "1",
-        WHY_NOT,
-        min=0.0,
-        max=2.0 * max(CAUSES) - 1.0,
-    )
+    health_causes: Scalar = output("1", WHY_NOT, min=0.0, max=2.0 * max(CAUSES) - 1.0)
 
 
 HEALTH = same(Health)

@@ -61,12 +61,10 @@ OPTIONS = {
     "hold": Option("Parameter that keeps its value, as `coil.turns`", list[str]),
     "inductance": Option("CSV file: gap [mm], inductance [mH], for the gap law", Path),
     "driver": Option(
-        "What a driver takes from a recorded command: series=OHM,drop=V, or `fit`; delay=S of the current",
-        str,
+        "What a driver takes from a recorded command: series=OHM,drop=V, or `fit`; delay=S of the current", str
     ),
     "accuracy": Option(
-        "Accuracies in percent, for standard errors: voltage=0.5,current=1, or of given values: stop.upper=2",
-        str,
+        "Accuracies in percent, for standard errors: voltage=0.5,current=1, or of given values: stop.upper=2", str
     ),
     "estimator": Option("Names, separated by commas", str, without="all whose inputs the record has"),
     "column": Option(

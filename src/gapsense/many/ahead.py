@@ -18,7 +18,7 @@ def runs_ahead(workers: int, engine: str, scenario: Path | None) -> Iterator[Non
     """Start the processes now, unless vectors will do the runs: where all FMUs have names of ours, as it seems."""
     if likely_vectors(engine) and (scenario is None or has_names_of_ours(read_toml(scenario, []) or {})):
         return (yield)
-    with ahead("gapsense.many.worker", "fmpy.fmi2", count=workers):
+    with ahead("gapsense.many.worker", count=workers):
         yield
 
 

@@ -31,12 +31,7 @@ class Done(NamedTuple):
 
 
 def complete(
-    many: Many,
-    store: Store,
-    workers: int,
-    engine: str,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
+    many: Many, store: Store, workers: int, engine: str, scheduler: str | None = None, progress: Progress | None = None
 ) -> Done:
     """Do the runs of a plan that are not in a store yet."""
     total = len(many.plan)

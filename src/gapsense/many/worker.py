@@ -33,9 +33,7 @@ class Runs:
     """Holds the loaded FMUs between runs, and loads them anew after a failure."""
 
     def __init__(self, task: Mapping[str, Any]) -> None:
-        import fmpy.fmi2  # noqa: F401  # now, so that the first component need not account for it
-
-        versions()  # likewise: it starts a process
+        versions()  # now, so that no run need account for it: it starts a process
         self.scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
         self.measure = imported(task["measure"]) if task["measure"] else None
         self.keep = Path(task["keep"]) if task["keep"] else None

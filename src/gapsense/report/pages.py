@@ -34,11 +34,7 @@ def of_scenario(tables: Mapping[str, Any], line: str) -> str:
 
 
 def of_result(
-    title: str,
-    line: str,
-    metrics: Mapping[str, Measured],
-    signals: Mapping[str, Vector],
-    units: Mapping[str, str],
+    title: str, line: str, metrics: Mapping[str, Measured], signals: Mapping[str, Vector], units: Mapping[str, str]
 ) -> str:
     """Metrics, and the range of each signal."""
     measured = [

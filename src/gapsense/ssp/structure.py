@@ -15,7 +15,7 @@ Path = tuple[str, ...]  # of an element: names from the outermost system on, wit
 SOURCES, SINKS = ("output", "calculatedParameter"), ("input", "parameter")
 DEEPEST = 50  # levels of systems
 REFUSED = {  # elements that nothing is made of
-    "ssd:SignalDictionaryReference": "a signal dictionary",
+    "ssd:SignalDictionaryReference": "a signal dictionary"
 }
 
 

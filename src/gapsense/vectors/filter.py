@@ -10,17 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.vectors import library
-from gapsense.vectors.library import (
-    Functions,
-    Room,
-    aligned,
-    columns,
-    entries_of,
-    ints,
-    places,
-    structure,
-    table,
-)
+from gapsense.vectors.library import Functions, Room, aligned, columns, entries_of, ints, places, structure, table
 
 Floats = npt.NDArray[np.float64]
 THREADS = 2  # more than memory can feed help little

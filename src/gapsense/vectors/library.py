@@ -168,14 +168,7 @@ def places(found: Functions, room: Room, buffered: int, own: int, output: int) -
     ]
     tables = {k: place for k, place in enumerate(par) if is_table[k]}
     return Places(
-        functions=found,
-        buffered=buffered,
-        own=own,
-        output=output,
-        time=time,
-        par=par,
-        tables=tables,
-        calls=calls,
+        functions=found, buffered=buffered, own=own, output=output, time=time, par=par, tables=tables, calls=calls
     )
 
 

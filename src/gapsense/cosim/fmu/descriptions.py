@@ -26,7 +26,7 @@ from xml.etree.ElementTree import Element, fromstring, tostring
 from gapsense._os.checked import fingerprint
 from gapsense._os.files import sha256, state
 from gapsense._os.locks import FACTS, cache_folder
-from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
+from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, path_in, read_description, refuse_identifier, shown
 from gapsense.fmi import ports
 from gapsense.fmi.ports import Component, Limit, Port
 from gapsense.fmi.values import KINDS, ValuesError, fields
@@ -414,20 +414,15 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
 
     Binary variables, clocks and arrays of texts are left alone: without event mode nobody needs to move them.
     """
-    import fmpy
-
     if model.coSimulation is None:
         found = f"FMI {model.fmiVersion} without co-simulation found, co-simulation expected"
         raise UnusableError(f"{found}. Export it as that.")
     refuse_identifier(model.coSimulation.modelIdentifier)
-    folder = f"binaries/{fmpy.platform if model.fmiVersion == '2.0' else fmpy.platform_tuple}/"
-    library = f"{model.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
-    if folder + library not in members:
+    library = path_in(2 if model.fmiVersion == "2.0" else 3, model.coSimulation.modelIdentifier)
+    if library not in members:
         platforms = sorted({name.split("/")[1] for name in members if name.startswith("binaries/") and name[9:]})
         has = f"it has {', '.join(map(shown, platforms))}" if platforms else "it has none"
-        raise UnusableError(
-            f"it has no library `{folder}{library}` for this platform; {has}. Ask for an FMU that has it."
-        )
+        raise UnusableError(f"it has no library `{library}` for this platform; {has}. Ask for an FMU that has it.")
 
 
 def refuse_shared(variables: Iterable[Variable]) -> None:

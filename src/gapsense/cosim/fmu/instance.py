@@ -14,12 +14,14 @@ import zipfile
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from ctypes import c_bool, c_char_p, c_int, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense._os.files import sha256
 from gapsense._os.locks import temporary_folder as locked_folder
+from gapsense.cosim.fmu.archive import FOLDERS, path_in
 from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.problems import FmuError
 from gapsense.tables import Value
@@ -45,6 +47,11 @@ TERMINATED, LAST_TIME = 3, 2  # what can be asked after a step that was discarde
 STEADY = "Choose a step that it can do in one go, or ask its author"
 LONGEST = 500  # characters of a message shown in an error; its `log` has all
 KEPT = 1000  # log messages per instance; the oldest are dropped
+NEEDED = (  # what every run calls, or may
+    *("fmi2SetupExperiment", "fmi2EnterInitializationMode", "fmi2ExitInitializationMode"),
+    *(STEP, "fmi2Terminate", "fmi2Reset", "fmi2FreeInstance"),
+)
+CO_SIMULATION = 1
 C_TYPES: Mapping[str, Any] = {
     "Real": ctypes.c_double,
     "Integer": ctypes.c_int,
@@ -96,12 +103,86 @@ def process_kept() -> Iterator[None]:
         sys.path[:] = dict.fromkeys(sys.path)
 
 
+# An instance in its library. What fmpy does for this takes longer than many a run: it loads much, and looks at all
+# functions of each instance.
+
+
+Logger2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
+Logger3 = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
+
+
+class Callbacks(ctypes.Structure):
+    """What an FMU of FMI 2.0 may call."""
+
+    _fields_ = [
+        ("logger", Logger2),
+        ("allocate", c_void_p),
+        ("free", c_void_p),
+        ("step_finished", c_void_p),
+        ("environment", c_void_p),
+    ]
+
+
+class Loaded(NamedTuple):
+    """An instance in its library, and what that may call, kept as long as it."""
+
+    library: ctypes.CDLL
+    component: int
+    kept: object
+
+    def free(self, function: str) -> None:
+        """Free the instance by a function of the library, then the library."""
+        free, handle = self.library[function], c_void_p(self.library._handle)
+        free.restype = None
+        free(c_void_p(self.component))
+        if sys.platform == "win32":
+            ctypes.windll.kernel32.FreeLibrary(handle)
+        else:
+            ctypes.CDLL(None).dlclose(handle)
+
+
+def load(folder: Path, fmi: int, identifier: str) -> ctypes.CDLL:
+    """The library of an unpacked FMU; its folder, where some look for what they need, is the working folder then."""
+    file = folder / path_in(fmi, identifier)
+    os.chdir(file.parent)
+    return ctypes.CDLL(str(file))
+
+
+def made(library: ctypes.CDLL, function: str, kept: object, *arguments: Any) -> Loaded:
+    """An instance, from the function that makes it; `kept` are its callbacks."""
+    make = library[function]
+    make.restype = c_void_p
+    component = make(*arguments)
+    if not component:
+        raise OSError(f"{function} returned no instance")
+    return Loaded(library, component, kept)
+
+
+def instance_2(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Loaded:
+    """An instance of FMI 2.0."""
+    standard = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
+    allocate, free = (ctypes.cast(function, c_void_p) for function in (standard.calloc, standard.free))
+    callbacks = Callbacks(logger=Logger2(log), allocate=allocate, free=free)
+    texts = name.encode(), c_int(CO_SIMULATION), guid.encode(), (folder / "resources").as_uri().encode()
+    return made(library, "fmi2Instantiate", callbacks, *texts, ctypes.byref(callbacks), c_int(0), c_int(1))
+
+
+def instance_3(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Loaded:
+    """An instance of FMI 3.0, without event mode, early return and intermediate values."""
+    logger, no, none = Logger3(log), c_bool(False), c_void_p()
+    texts = name.encode(), guid.encode(), os.path.join(folder, "resources", "").encode()  # noqa: PTH118  # ends in `/`
+    options = (no, c_bool(True), no, no, none, c_size_t(0), none)
+    return made(library, "fmi3InstantiateCoSimulation", logger, *texts, *options, logger, none)
+
+
 class Instance:
     """An FMU of FMI 2.0, loaded as `name` from its unpacked `folder`. After `fmi2Fatal` it is never touched again.
 
     Whoever calls an entry point names that of FMI 2.0; one of FMI 3.0 translates.
     """
 
+    needed: tuple[str, ...] = NEEDED
+    made, escape = staticmethod(instance_2), "%%"
     is_near = True  # in this process, so that C may call it
     last = math.nan  # time that the last step has reached [s], where one was told
     failed, status = "", 0  # the entry point that failed last, and what it returned
@@ -113,28 +194,16 @@ class Instance:
         self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
-                self.slave = self.instantiated(folder)
-        except Exception as error:  # fmpy raises plain Exception for a library that does not load
+                self.loaded = self.instantiated(folder)
+        except (OSError, AttributeError) as error:  # AttributeError: the library lacks a function
             raise FmuError(name, f"cannot be instantiated: {error}{self.said()}.", log=self.log()) from error
-        self.pointer = ctypes.c_void_p(self.slave.component)
+        self.pointer = ctypes.c_void_p(self.loaded.component)
 
-    def instantiated(self, folder: Path) -> Any:
-        """What fmpy makes of the library."""
-        from fmpy import calloc, fmi2, free  # here, so that what loads no FMU starts fast
-
-        callbacks = fmi2.fmi2CallbackFunctions(  # the slave keeps them alive
-            logger=fmi2.fmi2CallbackLoggerTYPE(collector(self.messages)),
-            allocateMemory=fmi2.fmi2CallbackAllocateMemoryTYPE(calloc),
-            freeMemory=fmi2.fmi2CallbackFreeMemoryTYPE(free),
-        )
-        slave = fmi2.FMU2Slave(
-            guid=self.description.guid,
-            modelIdentifier=self.description.identifier,
-            unzipDirectory=str(folder),
-            instanceName=self.name,
-        )
-        slave.instantiate(callbacks=callbacks, loggingOn=True)
-        return slave
+    def instantiated(self, folder: Path) -> Loaded:
+        """The instance in its library, which has what every run needs."""
+        library = load(folder, self.description.fmi, self.description.identifier)
+        self.entries = {name: library[self.entry(name)] for name in self.needed}
+        return self.made(library, self.name, self.description.guid, folder, collector(self.messages, self.escape))
 
     @property
     def has_only_reals(self) -> bool:
@@ -147,9 +216,13 @@ class Instance:
         return function
 
     def function(self, name: str) -> Callable[..., int]:
-        """Raw entry point, to be called with ctypes objects only: several times faster than fmpy's methods."""
+        """Raw entry point, to be called with ctypes objects only."""
         if name not in self.entries:
-            self.entries[name] = self.slave.dll[self.entry(name)]
+            try:
+                self.entries[name] = self.loaded.library[self.entry(name)]
+            except AttributeError:
+                cause = f"its library has no function `{self.entry(name)}`. Export it again."
+                raise FmuError(self.name, cause, log=self.log()) from None
         return self.entries[name]
 
     def call(self, function: str, *arguments: Any) -> None:
@@ -278,7 +351,7 @@ class Instance:
         """True if the FMU tells this kind of status, in `value`, and that is not 0 for `no`."""
         try:
             status = self.function(function)(self.pointer, ctypes.c_int(kind), ctypes.byref(value))
-        except AttributeError:  # a library without this function
+        except FmuError:  # a library without this function
             return False
         return status <= WARNING and (kind != TERMINATED or bool(value.value))
 
@@ -307,7 +380,7 @@ class Instance:
         """Free the instance and its library, unless it is dead."""
         if not self.is_dead:
             self.is_dead = True
-            self.slave.freeInstance()
+            self.loaded.free(self.entry("fmi2FreeInstance"))
 
 
 def reached(start: float, duration: float, last: float, *, ends: bool, early: bool) -> int:
@@ -372,18 +445,8 @@ def kind_of(description: Description) -> type[Instance]:
 class Instance3(Instance):
     """An FMU of FMI 3.0, without event mode, early return and clocks."""
 
-    def instantiated(self, folder: Path) -> Any:
-        """What fmpy makes of the library."""
-        from fmpy import fmi3  # here, so that what loads no FMU starts fast
-
-        slave = fmi3.FMU3Slave(
-            guid=self.description.guid,
-            modelIdentifier=self.description.identifier,
-            unzipDirectory=str(folder),
-            instanceName=self.name,
-        )
-        slave.instantiate(loggingOn=True, logMessage=collector(self.messages, "%"))
-        return slave
+    needed = tuple(name for name in NEEDED if name != "fmi2SetupExperiment")
+    made, escape = staticmethod(instance_3), "%"
 
     def entry(self, function: str) -> str:
         """Name that FMI 3.0 has for an entry point or a status of FMI 2.0."""
@@ -461,10 +524,8 @@ def unpacked(description: Description) -> Path:
 
 def is_needed(member: str) -> bool:
     """True unless no run needs it: documentation, sources, binaries of other platforms."""
-    import fmpy  # here, so that what loads no FMU starts fast
-
     folder, *inner = member.split("/")
-    is_foreign = folder == "binaries" and len(inner) > 1 and inner[0] not in (fmpy.platform, fmpy.platform_tuple)
+    is_foreign = folder == "binaries" and len(inner) > 1 and inner[0] not in FOLDERS.values()
     return folder not in ("documentation", "sources") and not is_foreign
 
 

@@ -222,8 +222,6 @@ def raw(values: Sequence[Any]) -> list[Any]:
 
 def prepare(folder: str) -> Callable[[Request], Answer]:
     """Function that does what the master asks of the instance whose plan is in a folder."""
-    import fmpy.fmi2  # noqa: F401  # now, so that it does not count for the component
-
     return Server(Path(folder)).answer
 
 

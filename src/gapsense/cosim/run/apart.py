@@ -206,8 +206,6 @@ class Plan(NamedTuple):
 
 def prepare(folder: str) -> Callable[[Any], dict[str, Any]]:
     """Function that does the run whose plan is in a folder."""
-    import fmpy.fmi2  # noqa: F401  # now, so that the first component need not account for it
-
     plan: Plan = pickle.loads(Path(folder, "plan").read_bytes())
 
     def answer(_: Any) -> dict[str, Any]:

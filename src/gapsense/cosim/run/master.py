@@ -36,15 +36,7 @@ from gapsense.cosim.run.recording import (
     shape,
     varied_events,
 )
-from gapsense.cosim.scenario.records import (
-    Event,
-    Experiment,
-    Port,
-    Scenario,
-    ports,
-    resolved,
-    texts,
-)
+from gapsense.cosim.scenario.records import Event, Experiment, Port, Scenario, ports, resolved, texts
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -232,11 +224,7 @@ class Master:
                     part.instance.call("fmi2Terminate")
 
     def loop(
-        self,
-        recording: Recording,
-        columns: npt.NDArray[np.int64],
-        progress: Progress | None,
-        keeper: Keeper | None,
+        self, recording: Recording, columns: npt.NDArray[np.int64], progress: Progress | None, keeper: Keeper | None
     ) -> None:
         """Base step after base step, until the end or until told to stop; the recording is always up to date."""
         experiment, count = self.scenario.experiment, self.scenario.experiment.count

@@ -57,13 +57,7 @@ EVENT = Section(
         Key("value", SCALAR, "How much, in the unit of the target", "20e-3", otherwise="not needed"),
         Key("over", POSITIVE, "Time [s] over which it grows from zero", "5e-3", otherwise="at once"),
         Key("at", NUMBER, "Begin [s], a base step", "30e-3", otherwise="`when`"),
-        Key(
-            "until",
-            NUMBER,
-            "End [s], a base step",
-            "50e-3",
-            otherwise="`duration`, or to the end",
-        ),
+        Key("until", NUMBER, "End [s], a base step", "50e-3", otherwise="`duration`, or to the end"),
         Key(
             "duration",
             POSITIVE,
@@ -79,11 +73,7 @@ EVENT = Section(
     ),
     at="[events.offset]",
 )
-EVENTS = Section(
-    "[events]",
-    "The events by name.",
-    free=Key("<event>", TABLE, "An event", section=EVENT, pattern=NAME),
-)
+EVENTS = Section("[events]", "The events by name.", free=Key("<event>", TABLE, "An event", section=EVENT, pattern=NAME))
 
 
 # Every key of a scenario file as data: what the loader asks for, and what its documentation is made of.
@@ -138,12 +128,7 @@ SET = Section(
     "Parameters of this component, which override its parameter sets; the FMU must have them. A parameter "
     "`file` or `....file` names a file relative to this one. A name with dots is quoted, or written as tables.",
     free=Key(
-        "<parameter>",
-        SCALAR,
-        "Value of the parameter, in its unit",
-        "damping = 0.4",
-        is_dotted=True,
-        is_path=is_file,
+        "<parameter>", SCALAR, "Value of the parameter, in its unit", "damping = 0.4", is_dotted=True, is_path=is_file
     ),
     at="[components.valve.set]",
 )
@@ -205,13 +190,7 @@ CONNECTION = Section(
         Key("to", TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
         Key("factor", NUMBER, "Factor", "0.5", otherwise="1"),
         Key("bias", NUMBER, "Added to that", "5.0", otherwise="0"),
-        Key(
-            "unit",
-            TEXT,
-            "Unit after the conversion; it must be that of the input",
-            '"V"',
-            otherwise="not checked",
-        ),
+        Key("unit", TEXT, "Unit after the conversion; it must be that of the input", '"V"', otherwise="not checked"),
         Key(
             "delayed",
             TRUTH,
@@ -305,6 +284,19 @@ RECORDING = Section(
         Key("decimation", COUNT, "Base steps from one recorded row to the next", "10", default=1),
     ),
 )
+PAGE = Section(
+    "[page]",
+    "What `gapsense page` offers its readers to change.",
+    (
+        Key(
+            "controls",
+            TEXTS,
+            "Parameters `component.parameter`, in the order in which they are shown",
+            '["valve.damping", "sensor.noise.current"]',
+            otherwise="the first ten tunable ones that the components are given",
+        ),
+    ),
+)
 METRIC = Section(
     "[metrics.<metric>]",
     "One number computed from the samples of a recorded signal: the rows at which its component has just stepped.",
@@ -367,9 +359,7 @@ TOLERANCE = Section(
     at='[baseline.tolerances."valve.*"]',
 )
 TOLERANCES = Section(
-    "[baseline.tolerances]",
-    "Tolerances by pattern.",
-    free=Key("<pattern>", TABLE, "A tolerance", section=TOLERANCE),
+    "[baseline.tolerances]", "Tolerances by pattern.", free=Key("<pattern>", TABLE, "A tolerance", section=TOLERANCE)
 )
 BASELINE = Section(
     "[baseline]",
@@ -424,6 +414,7 @@ FILE = Section(
         Key("sweep", TABLE, "Sweep", section=SWEEP),
         Key("record", TABLE, "Recording", section=RECORDING),
         Key("metrics", TABLE, "Metrics", section=METRICS),
+        Key("page", TABLE, "Controls of a page", section=PAGE),
         Key("baseline", TABLE, "Baseline", section=BASELINE),
         Key("variants", TABLE, "Variants", section=VARIANTS),
     ),

@@ -35,6 +35,7 @@ from gapsense.cosim.scenario.keys import (
     EXPERIMENT,
     FILE,
     METRIC,
+    PAGE,
     RECORDING,
     SIGNAL,
     SWEEP,
@@ -399,6 +400,7 @@ class Reader:
             rows_columns=columns,
             played=played,
             events=events,
+            controls=self.section("page", lambda table: tuple(table.table("page").read(PAGE)["controls"] or ())),
             hashes=self.document.hashes,
             settings=self.document.changes,
         )

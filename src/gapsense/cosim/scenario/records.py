@@ -446,6 +446,7 @@ class Scenario:
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
     events: Mapping[str, Event] = field(default_factory=dict)
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over it
+    controls: tuple[str, ...] = ()  # parameters that a page lets its reader change
 
     @property
     def name(self) -> str:

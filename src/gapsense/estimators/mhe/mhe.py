@@ -416,14 +416,7 @@ def _behind(spot: Scalar) -> Scalar:
 
 
 def _outputs(
-    at: Point,
-    d: Device,
-    innovation: Scalar,
-    shown: Shown,
-    learnt: Learnt,
-    known: Array,
-    fine: Health,
-    par: Parameters,
+    at: Point, d: Device, innovation: Scalar, shown: Shown, learnt: Learnt, known: Array, fine: Health, par: Parameters
 ) -> Outputs:
     """The mode is that of the model; deviations of logarithms are relative."""
     mode = where(at.position <= par.stop_lower, 1.0, where(at.position >= par.stop_upper, 3.0, 2.0))

@@ -62,20 +62,7 @@ from gapsense.estimators.mhe.window import (
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import deviation, diagonal, outer, swept, vector
-from gapsense.kernels.trace import (
-    clip,
-    cond,
-    fabs,
-    flag,
-    is_set,
-    load,
-    not_,
-    sqrt,
-    square,
-    store,
-    when,
-    where,
-)
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, load, not_, sqrt, square, store, when, where
 
 LOGARITHMS = 9  # the first corrections are logarithms
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does

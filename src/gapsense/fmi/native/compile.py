@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from gapsense._os.native import NativeError
+from gapsense.fmi.native.component import component
 from gapsense.fmi.native.platforms import SMALL, Compiler
 
 FAT_MAGIC, FAT_ALIGNMENT = 0xCAFEBABE, 14  # of a library for several processors; 2^14 bytes
@@ -21,7 +22,7 @@ def compile_common(files: Mapping[str, str], compiler: Compiler, work: Path) -> 
     """Compile what is the same for all components, once, into a folder of `work`."""
     folder = work.resolve() / (compiler.target or "here")
     folder.mkdir()
-    _put({name: text for name, text in files.items() if name not in OWN}, folder)
+    put({name: text for name, text in files.items() if name not in OWN}, folder)
     for source in sorted(folder.glob("*.c")):
         _compiled(source, compiler, *SMALL)
 
@@ -77,17 +78,20 @@ def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path
     common = sorted((work / (compiler.target or "here")).glob("*.o"))
     with tempfile.TemporaryDirectory(dir=work) as temporary:
         folder = Path(temporary)
-        _put({file: text for file, text in files.items() if file in OWN or file.endswith(".h")}, folder)
+        put({file: text for file, text in files.items() if file in OWN or file.endswith(".h")}, folder)
         own = [_compiled(folder / file, compiler) for file in OWN]
         library = folder / f"{name}{compiler.binary.ending}"
         # Else a library for macOS holds the path of this folder.
         called = (f"-Wl,-install_name,@rpath/{library.name}",) if library.suffix == ".dylib" else ()
-        link = ("-shared", "-s", *called, *map(str, (*common, *own)), "-o", str(library), *compiler.binary.libraries)
-        _run((*compiler.command, *link), library.name)
-        return timeless(library.read_bytes())
+        platform, objects = compiler.binary, map(str, (*common, *own))
+        link = (platform.linked, "-s", *called, *objects, "-o", str(library), *platform.libraries)
+        run((*compiler.command, *link), library.name)
+        made = timeless(library.read_bytes())
+        return component(made) if library.suffix == ".wasm" else made
 
 
-def _put(files: Mapping[str, str], folder: Path) -> None:
+def put(files: Mapping[str, str], folder: Path) -> None:
+    """Write files into a folder."""
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
@@ -95,11 +99,12 @@ def _put(files: Mapping[str, str], folder: Path) -> None:
 def _compiled(source: Path, compiler: Compiler, *more: str) -> Path:
     """An object file; by its full path, because Zig's cache takes sources of one relative path for the same."""
     made = source.with_suffix(".o")
-    _run((*compiler.command, *compiler.flags, *more, "-c", str(source), "-o", str(made)), source.name)
+    run((*compiler.command, *compiler.flags, *more, "-c", str(source), "-o", str(made)), source.name)
     return made
 
 
-def _run(command: tuple[str, ...], what: str) -> None:
+def run(command: tuple[str, ...], what: str) -> None:
+    """Run a compiler; a NativeError tells what it says if it fails."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise NativeError(f"`{what}` could not be compiled by `{' '.join(command[:4])}`:\n{done.stderr.strip()}")

@@ -18,12 +18,13 @@ from gapsense.fmi.fmi3.description import (
     terminals_and_icons,
 )
 from gapsense.fmi.native.compile import binary, compile_common, thin
+from gapsense.fmi.native.component import manifest
 from gapsense.fmi.native.parts import Parts, common, gather
-from gapsense.fmi.native.platforms import PLATFORMS, compilers
+from gapsense.fmi.native.platforms import PLATFORMS, WASM, compilers
 from gapsense.fmi.ports import Component, Port
 from gapsense.version import __version__
 
-FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64-linux": "aarch64-linux"}
+FOLDERS = {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64-linux": "aarch64-linux", WASM: WASM}
 FLAGS = {
     "needsExecutionTool": "false",
     "canHandleVariableCommunicationStepSize": "true",
@@ -46,6 +47,8 @@ A good communication step is {{step:g}} s. Inputs are held during a step, output
 Profile: FMI {fmi} co-simulation, variable communication step, several instances, get, set and serialise all its state.
 """
 NAMES = {"linux64": "Linux", "win64": "Windows", "darwin64": "macOS", "aarch64-linux": "Linux on aarch64"}
+NAMES[WASM] = "WebAssembly by the draft FMI-LS-WASM"
+MANIFESTS = [f"extra/org.modelica.fmi-ls-wasm/{name}.xml" for name in ("manifest", "fmi-ls-manifest")]  # draft, FMI
 
 
 def build(
@@ -82,8 +85,9 @@ def build(
 
 def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> Iterator[Path]:
     """Write the FMUs of FMI 2.0, and that of FMI 3.0."""
-    apart = {name for name in binaries if name != PLATFORMS[name].folder}
-    for together in (sorted(binaries.keys() - apart), *([name] for name in sorted(apart))):
+    of_2 = {name for name in binaries if PLATFORMS[name].folder}
+    apart = {name for name in of_2 if name != PLATFORMS[name].folder}
+    for together in (sorted(of_2 - apart), *([name] for name in sorted(apart))):
         if together:
             folder = destination / together[0] if together[0] in apart else destination
             folder.mkdir(parents=True, exist_ok=True)
@@ -146,6 +150,7 @@ def members_of_3(parts: Parts, binaries: Mapping[str, bytes]) -> dict[str, bytes
         TERMINALS_ICON: (package.HERE / "icon.png").read_bytes(),
         "sources/buildDescription.xml": build_description(component.name, compiled),
         **dict(libraries),
+        **(dict.fromkeys(MANIFESTS, manifest()) if WASM in binaries else {}),
         **shared(parts, sorted(binaries), 3),
     }
 

@@ -44,6 +44,9 @@ const Model model = {{
     .memory_sizes = {memory_sizes}, .memory_count = {memory_count},
     .wholes = {wholes}, .whole_count = {whole_count},
     .initial = {kernel}_initial, .step = {kernel}_step,
+#ifdef GAPSENSE_COMPONENT
+    .content = {content},
+#endif
 }};
 """
 
@@ -127,6 +130,7 @@ def source(component: Component, kernel: Kernel, guid: str, build: str) -> str:
     return MODEL.format(
         description=component.description,
         kernel=kernel.name,
+        content="resource_content" if component.resources else "NULL",
         arrays="\n".join(filter(None, _arrays(component, kernel, memory))),
         **{key: literal(text) for key, text in identity.items()},
         **{name: name if found else "NULL" for name, found in items.items()},

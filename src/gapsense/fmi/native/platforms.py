@@ -11,17 +11,19 @@ FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off")
 SMALL = ("-Os",)  # besides, for what is not arithmetic
 ZIG_FLAGS = ("-fno-sanitize=all", "-Wl,--build-id=none")
 SYSTEMS = {"Linux": "linux64", "Windows": "win64", "Darwin": "darwin64"}
+WASM = "wasm32-wasip2"  # as the draft FMI-LS-WASM names it; built only if it is asked for
 LIKE_X86_64 = ("x86_64", "AMD64", "amd64")
 
 
 class Binary(NamedTuple):
     """A platform: where an FMU has its binary, and what Zig calls the processors that it is for."""
 
-    folder: str  # in binaries/ of an FMU of FMI 2.0
+    folder: str  # in binaries/ of an FMU of FMI 2.0; none, if only FMI 3.0 has this platform
     ending: str
     targets: tuple[str, ...]
     flags: tuple[str, ...] = ("-fPIC",)
     libraries: tuple[str, ...] = ("-lm",)
+    linked: str = "-shared"
 
 
 PLATFORMS = {
@@ -29,6 +31,7 @@ PLATFORMS = {
     "win64": Binary(folder="win64", ending=".dll", targets=("x86_64-windows-gnu",), flags=(), libraries=()),
     "darwin64": Binary("darwin64", ".dylib", ("x86_64-macos.11.0", "aarch64-macos.11.0")),
     "aarch64-linux": Binary("linux64", ".so", ("aarch64-linux-gnu.2.17",)),  # so hosts of FMI 2.0 look for it
+    WASM: Binary("", ".wasm", ("wasm32-wasi",), ("-DGAPSENSE_COMPONENT",), (), "-mexec-model=reactor"),
 }
 
 
@@ -68,7 +71,7 @@ def compilers(name: str) -> list[Compiler]:
 
 def chosen(names: list[str]) -> list[str]:
     """Platforms by name, of which `here` is the machine's own; without names all that can be compiled for here."""
-    names = names or (list(PLATFORMS) if zig_version() == ZIG else ["here"])
+    names = names or ([name for name in PLATFORMS if name != WASM] if zig_version() == ZIG else ["here"])
     own = here() or f"{platform.system()} on {platform.machine()}"
     found = [own if name == "here" else name for name in names]
     if unknown := [name for name in found if name not in PLATFORMS]:

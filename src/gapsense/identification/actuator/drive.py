@@ -77,10 +77,7 @@ class Excitation(NamedTuple):
         """Its first part."""
         n = max(round(share * self.current.size), BEFORE + 1)
         return self._replace(
-            current=self.current[:n],
-            halves=self.halves[:n],
-            edges=self.edges[self.edges < n],
-            weights=self.weights[:n],
+            current=self.current[:n], halves=self.halves[:n], edges=self.edges[self.edges < n], weights=self.weights[:n]
         )
 
 

@@ -22,14 +22,7 @@ from gapsense.identification.least_squares import Matrix, differences, independe
 from gapsense.identification.measurements.record import Vector
 from gapsense.identification.residual import is_small
 from gapsense.identification.valve.form import FITTED, Form, Sought, larger
-from gapsense.identification.valve.model import (
-    Experiment,
-    First,
-    balance,
-    cost,
-    residuals,
-    simulate_currents,
-)
+from gapsense.identification.valve.model import Experiment, First, balance, cost, residuals, simulate_currents
 
 
 class Course:

@@ -98,23 +98,21 @@ def page(chapters: Sequence[Chapter]) -> str:
     )
 
 
-def template(name: str) -> Any:
-    """A template of the folder beside this file; a name that it does not know is an error."""
+def template(name: str, package: str = "gapsense.report.html") -> Any:
+    """A template of the folder `templates` in a package; a name that it does not know is an error."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     options: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
-    made = Environment(
-        loader=PackageLoader("gapsense.report.html"), autoescape=True, undefined=StrictUndefined, **options
-    )
+    made = Environment(loader=PackageLoader(package), autoescape=True, undefined=StrictUndefined, **options)
     made.filters |= {"quantity": lambda value, unit: quantity(float(value), unit), "variable": style.variable}
     made.tests["finite"] = math.isfinite
     made.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # not sorted: Bokeh reads references in order
     return made.get_template(name)
 
 
-def read(name: str) -> str:
-    """A file beside this one."""
-    return files("gapsense.report.html").joinpath(name).read_text(encoding="utf-8")
+def read(name: str, package: str = "gapsense.report.html") -> str:
+    """A file of a package."""
+    return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def closed(script: str) -> str:

@@ -13,6 +13,7 @@ static const char SEPARATORS[] = "/\\:";
 static const char SEPARATORS[] = "/";
 #endif
 
+#ifndef GAPSENSE_COMPONENT /* that has only what its host lends it: fmi3_wasm.c */
 /* Nothing but a file: of a pipe or a device reading might never end. */
 static FILE *open_file(const char *path)
 {
@@ -74,6 +75,7 @@ char *file_content(const char *path, size_t *size)
     fclose(file);
     return content;
 }
+#endif
 
 static int is_full(const char *path)
 {

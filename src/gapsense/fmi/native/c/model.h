@@ -3,6 +3,8 @@
 #ifndef GAPSENSE_MODEL_H
 #define GAPSENSE_MODEL_H
 
+#include <stddef.h>
+
 typedef enum { REAL, INTEGER, BOOLEAN, STRING } Kind;
 typedef enum { INPUT, OUTPUT, PARAMETER } Causality;
 typedef enum { PLAIN, INTEGRAL, SPLINE } ColumnKind;
@@ -74,6 +76,9 @@ typedef struct {
     int limit_count;
     const char *const *resources; /* files that travel with the component */
     int resource_count;
+#ifdef GAPSENSE_COMPONENT /* fmi3_wasm.c */
+    char *(*content)(const char *path, size_t *size); /* of such a file; NULL without any */
+#endif
     int survives;    /* the kernel copes with any input */
     int clock;       /* how many of time and dt it takes before the inputs */
     int sample_time; /* value reference; -1: it is not sampled */
@@ -86,6 +91,10 @@ typedef struct {
 } Model;
 
 extern const Model model;
+
+#ifdef GAPSENSE_COMPONENT
+char *resource_content(const char *path, size_t *size);
+#endif
 
 int kernel_is_exact(void);
 

@@ -1,0 +1,331 @@
+// The page: controls, plots and metrics of a scenario that a worker runs.
+"use strict";
+(() => {
+  const at = (id) => document.getElementById(id);
+  const plan = JSON.parse(at("plan").textContent);
+  const made = (tag, attributes = {}, ...inside) => {
+    const element = Object.assign(document.createElement(tag), attributes);
+    element.append(...inside);
+    return element;
+  };
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  let last; // run that is shown
+  const STEPS = 200; // of a slider
+
+  // --- runs: one at a time, and then the newest that was asked for ---
+
+  let isRunning = false;
+  let isWanted = false;
+  const worker = new Worker(URL.createObjectURL(new Blob([at("worker").textContent], { type: "text/javascript" })));
+
+  async function begin() {
+    const packed = Uint8Array.from(atob(at("module").textContent.trim()), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
+    isRunning = true;
+    worker.postMessage({ plan, module: await new Response(stream).arrayBuffer(), values: given() });
+  }
+  function run() {
+    if (controls.some((control) => control.problem)) return tell(controls.map(({ problem }) => problem).join(" "));
+    if (isRunning) return void (isWanted = true);
+    isRunning = true;
+    worker.postMessage({ values: given() });
+  }
+  worker.onmessage = ({ data }) => {
+    isRunning = false;
+    if (data.refused) tell(data.refused);
+    else show(columnsOf(data, plan));
+    if (isWanted) {
+      isWanted = false;
+      run();
+    }
+  };
+  worker.onerror = (event) => tell(`The page cannot run here: ${event.message}`);
+
+  function tell(problem) {
+    at("problem").textContent = problem;
+    at("problem").hidden = !problem.trim();
+    document.body.classList.toggle("stale", !at("problem").hidden);
+  }
+
+  // --- controls ---
+
+  const controls = plan.controls.map(controlOf);
+  function controlOf(of) {
+    const own = plan.components[of.part].values.find(([reference]) => reference === of.reference);
+    const control = { of, value: own ? own[2] : of.start, problem: "" };
+    control.first = control.value;
+    const write = of.choices ? chooser(control) : typeof control.first === "boolean" ? switcher(control) : slider(control);
+    control.set = (value) => {
+      Object.assign(control, { value, problem: "" });
+      write(value);
+    };
+    write(control.value);
+    at("controls").append(control.field);
+    return control;
+  }
+  function changed(control, value, problem = "") {
+    Object.assign(control, { value, problem });
+    keepInLink();
+    run();
+  }
+  function labelled(control, ...inside) {
+    const { name, text } = control.of;
+    return (control.field = made("label", { className: "control" }, made("span", {}, text), made("small", {}, name), ...inside));
+  }
+  function chooser(control) {
+    const select = made("select", {}, ...control.of.choices.map((choice) => made("option", {}, choice)));
+    select.onchange = () => changed(control, select.value);
+    labelled(control, select);
+    return (value) => (select.value = value);
+  }
+  function switcher(control) {
+    const box = made("input", { type: "checkbox" });
+    box.onchange = () => changed(control, box.checked);
+    labelled(control, box);
+    return (value) => (box.checked = value);
+  }
+
+  // A slider for the usual values, and a field in which any number can be typed: whether it is taken the component says.
+  function slider(control) {
+    const { low, high, unit, exponent, kind, name, text } = control.of;
+    const isEven = low <= 0 || high / low <= 4; // else all ratios are of one length
+    const valueAt = (part) => (isEven ? low + part * (high - low) : low * (high / low) ** part);
+    const partOf = (value) => (isEven ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low));
+    const range = made("input", { type: "range", min: 0, max: STEPS, ariaLabel: `${name}, slider` });
+    const field = made("input", { type: "text", inputMode: "decimal", autocomplete: "off", ariaLabel: `${name}, ${text}` });
+    const place = (value) => {
+      range.value = Math.round(STEPS * Math.min(1, Math.max(0, partOf(value) || 0)));
+      range.ariaValueText = `${field.value} ${unit}`;
+    };
+    const write = (value) => {
+      field.value = shifted(value, -exponent);
+      place(value);
+    };
+    range.oninput = () => {
+      const value = Number(valueAt(range.value / STEPS).toPrecision(3));
+      write(kind === 1 ? Math.round(value) : value);
+      changed(control, kind === 1 ? Math.round(value) : value);
+    };
+    field.oninput = () => {
+      const typed = field.value.trim().replace(",", ".");
+      const value = typed === "" ? NaN : Number(typed);
+      if (!Number.isFinite(value)) return changed(control, control.value, `\`${name}\`: a number is expected.`);
+      place(shifted(value, exponent));
+      changed(control, shifted(value, exponent));
+    };
+    labelled(control, made("span", { className: "number" }, field, ` ${unit}`), range);
+    return write;
+  }
+
+  // Values that differ from the scenario's, by component.
+  function given() {
+    const values = {};
+    for (const { of, value, first } of controls)
+      if (value !== first) (values[of.part] ??= []).push([of.reference, of.kind, value]);
+    return values;
+  }
+  at("reset").onclick = () => {
+    controls.forEach((control) => control.set(control.first));
+    keepInLink();
+    run();
+  };
+
+  // --- the link, which carries the values ---
+
+  function keepInLink() {
+    const values = controls.filter(({ value, first }) => value !== first).map(({ of, value }) => [of.name, String(value)]);
+    history.replaceState(null, "", values.length ? `#${new URLSearchParams(values)}` : location.pathname + location.search);
+  }
+  function takeFromLink() {
+    const values = new URLSearchParams(location.hash.slice(1));
+    for (const control of controls) {
+      const text = values.get(control.of.name);
+      const number = Number(text);
+      if (text === null) control.set(control.first);
+      else if (typeof control.first === "boolean") control.set(text === "true");
+      else if (control.of.choices) control.set(text);
+      else if (text.trim() && Number.isFinite(number)) control.set(number);
+    }
+  }
+  onhashchange = () => {
+    takeFromLink();
+    run();
+  };
+  at("link").onclick = async () => {
+    const copied = await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
+    at("said").textContent = copied ? "The link is in the clipboard." : "The address of this page is the link.";
+  };
+  at("csv").onclick = () => {
+    const href = URL.createObjectURL(new Blob([csv(last, plan)], { type: "text/csv" }));
+    made("a", { href, download: `${plan.name}.csv` }).click();
+    setTimeout(() => URL.revokeObjectURL(href), 10000);
+  };
+
+  // --- plots ---
+
+  const HEIGHTS = { strip: 64, error: 150, other: 210 };
+  const MOST_STEPS = 3000; // rows of a curve that is drawn as steps; of more nobody sees them
+  const FONT = "12px system-ui, sans-serif";
+  let plots = [];
+
+  function panelOf(panel, isFirst) {
+    const head = made("b", {}, panel.title);
+    const chips = made("div", { className: "chips" });
+    const place = made("div", { className: "plot" });
+    const figure = made("figure", { className: "panel" }, made("figcaption", { hidden: panel.isStrip }, head, " ", made("small", {}, panel.note)), chips, place);
+    at("plots").append(figure);
+    const own = { panel, head, place, values: [] };
+    panel.curves.forEach((curve, k) => chips.append(chipOf(own, curve, k)));
+    own.plot = new uPlot(optionsOf(own, isFirst), [[], ...panel.curves.map(() => [])], place);
+    own.plot.root.setAttribute("role", "img");
+    own.plot.root.setAttribute("aria-label", `${panel.title}: ${panel.curves.map(({ name }) => name).join(", ")}`);
+    return own;
+  }
+  function chipOf(own, curve, k) {
+    const output = made("output", { className: "value" });
+    const sample = made("span", { className: "sample" });
+    sample.style.borderTop = `3px ${curve.dash.length ? "dashed" : "solid"} var(${curve.colour})`;
+    const chip = made("button", { type: "button", className: "chip", ariaPressed: "true" }, sample, ` ${curve.name}`, output);
+    chip.onclick = () => {
+      const isShown = chip.ariaPressed !== "true";
+      chip.ariaPressed = String(isShown);
+      own.plot.setSeries(k + 1, { show: isShown });
+    };
+    own.values.push(output);
+    return chip;
+  }
+  function optionsOf(own, isFirst) {
+    const { panel, place } = own;
+    const axis = (size) => ({
+      stroke: () => colour("--text"), grid: { stroke: () => colour("--c-d9dee4"), width: 1 },
+      ticks: { stroke: () => colour("--c-d9dee4"), width: 1 }, font: FONT, size,
+    });
+    const rows = plan.count / plan.decimation;
+    const paths = rows > MOST_STEPS || panel.isError ? uPlot.paths.linear() : uPlot.paths.stepped({ align: 1 });
+    const thinner = (k) => 1.2 + 1.2 * (1 - (k + 1) / panel.curves.length); // so that curves that coincide are all seen
+    const series = panel.curves.map(({ name, colour: own, dash, isTruth, time }, k) => ({
+      label: name, stroke: () => colour(own), dash, width: isTruth ? 4 : thinner(k), points: { show: false },
+      paths: time ? uPlot.paths.linear() : paths, spanGaps: true,
+    }));
+    return {
+      width: place.clientWidth, height: HEIGHTS[panel.isStrip ? "strip" : panel.isError ? "error" : "other"],
+      legend: { show: false }, cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
+      scales: { x: { time: false } }, axes: [{ ...axis(28), show: !panel.isStrip }, axis(64)], series: [{}, ...series],
+      hooks: { setCursor: [(plot) => follow(own, plot.cursor.idx)], setScale: [zoomed], draw: [hideWhatComes] },
+    };
+  }
+  // All plots show one piece of time; a double click shows all of it again.
+  let isZooming = false;
+  function zoomed(plot, key) {
+    if (key !== "x" || isZooming || !last) return;
+    isZooming = true;
+    const { min, max } = plot.scales.x;
+    for (const { plot: other } of plots) if (other !== plot) other.setScale("x", { min, max });
+    isZooming = false;
+  }
+  function follow(own, row) {
+    own.values.forEach((output, k) => {
+      const value = row == null ? null : own.plot.data[k + 1][row];
+      output.textContent = value == null ? "" : fourDigits(value);
+    });
+  }
+
+  // Values of a curve at the rows; between those that it has nothing is known.
+  function valuesOf(curve, panel, run) {
+    if (!panel.isError && !curve.time) return run.signals[curve.name] || run.times.map(() => run.constants[curve.name]);
+    const samples = samplesOf({ ...curve, signal: curve.name }, run, plan);
+    const references = referencesOf(curve, samples, run, plan);
+    const values = new Array(run.rows).fill(null);
+    samples.rows.forEach((row, k) => {
+      const place = curve.time ? rowAt(samples.times[k], run, plan) : row;
+      const value = run.signals[curve.name][row] - references[k];
+      if (place !== undefined && Number.isFinite(value)) values[place] = value;
+    });
+    return values;
+  }
+  const largest = (columns) => columns.reduce((most, one) => one.reduce((m, x) => Math.max(m, Math.abs(x ?? 0)), most), 0);
+  const scaled = (values, factor) => Array.from(values, (x) => (x === null ? null : x / factor));
+
+  function draw(run) {
+    const [second, unit] = prefixed(largest([run.times]), "s", plan);
+    const times = scaled(run.times, second);
+    at("axis").textContent = `over time / ${unit}`;
+    for (const { panel, plot, head } of plots) {
+      const columns = panel.curves.map((curve) => valuesOf(curve, panel, run));
+      const isPlain = panel.unit === "" || panel.unit === "1";
+      const [factor, shown] = isPlain ? [1, ""] : prefixed(largest(columns), panel.unit, plan);
+      head.textContent = panel.title + (shown && ` / ${shown}`);
+      isZooming = true;
+      plot.setData([times, ...columns.map((values) => scaled(values, factor))]);
+      isZooming = false;
+    }
+  }
+
+  // --- play: the curves of the run that is shown come one moment after the other ---
+
+  const SHOWN_IN = 8000; // milliseconds
+  let shownUntil = Infinity; // place on the time axis
+  function hideWhatComes(plot) {
+    const { left, top, width, height } = plot.bbox;
+    const from = Math.max(left, plot.valToPos(shownUntil, "x", true));
+    if (!(from < left + width)) return;
+    plot.ctx.fillStyle = colour("--ground");
+    plot.ctx.fillRect(from, top, left + width - from, height);
+  }
+  at("play").onclick = () => {
+    const begun = performance.now();
+    const isPlaying = shownUntil < Infinity;
+    const times = plots[0].plot.data[0];
+    const next = (now) => {
+      const part = (now - begun) / SHOWN_IN;
+      shownUntil = part < 1 && shownUntil !== null ? times[0] + Math.max(0, part) * (times.at(-1) - times[0]) : Infinity;
+      at("play").textContent = shownUntil < Infinity ? "■ Stop" : "▶ Play";
+      for (const { plot } of plots) plot.redraw(false);
+      if (shownUntil < Infinity) requestAnimationFrame(next);
+    };
+    if (isPlaying) shownUntil = null;
+    else next(begun);
+  };
+
+  // --- what is shown of a run ---
+
+  function show(run) {
+    last = run;
+    tell("");
+    draw(run);
+    table(run);
+    at("said").textContent = `${plan.count} steps of ${plan.components.length} components in ${run.milliseconds.toFixed(0)} ms`;
+    at("csv").disabled = at("play").disabled = false;
+    document.documentElement.dataset.runs = Number(document.documentElement.dataset.runs || 0) + 1;
+  }
+  function table(run) {
+    const tables = new Map();
+    for (const metric of plan.metrics) tables.set(metric.table, [...(tables.get(metric.table) || []), metric]);
+    at("metrics").replaceChildren(...[...tables].map(([title, metrics]) => tableOf(title || "Metrics", metrics, run)));
+  }
+  function tableOf(title, metrics, run) {
+    const isPublished = metrics.some(({ published }) => published !== null);
+    const heads = ["metric", ...(isPublished ? ["published"] : []), "this run", "bounds"];
+    const row = (tag, cells, className = "") =>
+      made("tr", { className }, ...cells.map((cell, k) => made(k ? tag : "th", { className: k ? "number" : "" }, cell)));
+    const rows = metrics.map((metric) => {
+      const value = measure(metric, run, plan);
+      const shown = (x) => (x === null ? "" : quantity(x, metric.unit, plan));
+      const [low, high] = metric.bounds || [null, null];
+      const bounds = [low === null ? "" : shown(low), high === null ? "" : shown(high)].join(" to ");
+      const cells = [metric.label, ...(isPublished ? [shown(metric.published)] : []), shown(value), metric.bounds ? bounds : ""];
+      return row("td", cells, isInside(value, metric.bounds) ? "" : "bad");
+    });
+    const whole = made("table", {}, made("caption", {}, title), made("thead", {}, row("th", heads)), made("tbody", {}, ...rows));
+    return made("div", { className: "wide", tabIndex: 0, role: "group", ariaLabel: title }, whole);
+  }
+
+  matchMedia("(prefers-color-scheme: dark)").onchange = () => plots.forEach(({ plot }) => plot.redraw(false));
+  plots = plan.panels.map(panelOf);
+  new ResizeObserver(() => {
+    for (const { plot, place } of plots) if (place.clientWidth) plot.setSize({ width: place.clientWidth, height: plot.height });
+  }).observe(at("plots"));
+  takeFromLink();
+  begin();
+  window.gapsense = { plan, get run() { return last; } }; // for whoever looks closer, a test for instance
+})();

@@ -1,0 +1,115 @@
+"""The file: the module, what it is given and how its results are shown, and a policy that lets nothing be fetched."""
+
+from __future__ import annotations
+
+import zlib
+from base64 import b64encode
+from pathlib import Path
+
+from gapsense._os.files import write_atomically
+from gapsense.cosim.check import prepare
+from gapsense.cosim.run.engines import run_as_vectors
+from gapsense.cosim.run.recording import Subject
+from gapsense.cosim.run.run import run
+from gapsense.cosim.scenario.read import Source
+from gapsense.page import plan
+from gapsense.page.module import module, refuse_without_zig
+from gapsense.problems import InputError, ScenarioError, listing
+from gapsense.report.html import page as report
+from gapsense.report.html import style
+from gapsense.vectors.engine import is_ours
+from gapsense.version import __version__
+
+HERE = "gapsense.page"
+POLICY = f"{report.POLICY}; worker-src blob:"
+MAY_COMPILE = "'wasm-unsafe-eval'"
+MISSING = report.MISSING.replace("Reports are drawn", "The panels of a page are chosen as in reports, which are drawn")
+UPLOT = "uPlot 1.6.32"
+
+
+def write_page(scenario: Source, to: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> Path:
+    """Write one HTML file in which a scenario runs, complete or not at all.
+
+    Parameters
+    ----------
+    scenario : str, Path or Document
+        Scenario file, its folder, or its content.
+    to : str or Path
+        The file; its folder is made if there is none.
+    variant : str, optional
+        Variant of the scenario.
+    fmus : str or Path, optional
+        Folder of the FMUs, as in `run`.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If the scenario is wrong or has what a page cannot run, or if bokeh is missing.
+    NativeError
+        If the compiler is missing, or fails.
+    """
+    text, to = page(scenario, variant, fmus), Path(to)
+    to.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(to, lambda file: print(text, end="", file=file))
+    return to
+
+
+def page(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> str:
+    """The page of a scenario, as HTML."""
+    subject = Subject(*prepare(scenario, variant, fmus))
+    refuse_unfit(subject)
+    refuse_without_zig()
+    try:
+        import bokeh  # noqa: F401  # which is optional, and brings jinja2
+    except ImportError:
+        raise InputError([MISSING]) from None
+    from markupsafe import Markup
+
+    from gapsense.page.content import content  # here, since it needs bokeh
+
+    result = run_as_vectors(scenario, variant, fmus, "auto") or run(scenario, variant, fmus)
+    compiled = module([subject.descriptions[name].name for name in subject.order.names], plan.header(subject))
+    names = ("uplot/uPlot.iife.min.js", "numbers.js", "measure.js", "page.js")
+    scripts = [report.closed(report.read(name, HERE)) for name in names]
+    allowed = " ".join([MAY_COMPILE, *map(report.digest, scripts)])
+    styles = (style.variables(), report.read("page.css"), report.read("uplot/uPlot.min.css", HERE))
+    return str(
+        report.template("page.html", HERE).render(
+            scenario=subject.scenario,
+            policy=Markup(POLICY.format(allowed)),
+            style=Markup("\n".join([*styles, report.read("page.css", HERE)])),
+            plan=content(subject, result),
+            module=packed(compiled),
+            worker=Markup(report.closed(report.read("worker.js", HERE))),
+            scripts=[*map(Markup, scripts)],
+            version=__version__,
+            uplot=UPLOT,
+        )
+    )
+
+
+def refuse_unfit(subject: Subject) -> None:
+    """Raise a ScenarioError with what of a scenario a page cannot run."""
+    scenario = subject.scenario
+    foreign = [f"`{name}` ({d.path.name})" for name, d in subject.descriptions.items() if not is_ours(d)]
+    problems = []
+    if foreign:
+        found = f"these FMUs are not from this version: {', '.join(foreign)}"
+        problems.append(f"{found}. A page is compiled of Gapsense's own components; build them with `gapsense build`.")
+    if scenario.events:
+        problems.append(
+            f"a page has no events: {listing([*scenario.events])}. Choose a variant that disables them all."
+        )
+    if problems:
+        raise ScenarioError([f"{scenario.path.name}: {problem}" for problem in problems])
+
+
+def packed(binary: bytes) -> str:
+    """A file as text that the browser unpacks by itself."""
+    made = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    return b64encode(made.compress(binary) + made.flush()).decode("ascii")

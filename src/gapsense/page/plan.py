@@ -1,0 +1,202 @@
+"""What a page needs of a scenario: wires and grid as C, the rest as JSON.
+
+No number is in both, and no text about ports is written here: it comes from where modelDescription.xml has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gapsense.cosim.run.part import Layout, constants, first_exchange, first_turn, player
+from gapsense.cosim.run.recording import Subject, Take, shape
+from gapsense.cosim.scenario.records import Component, Port, ports, texts
+from gapsense.fmi.native.headers import literal
+from gapsense.page.module import SYMBOLS, parts
+from gapsense.tables import Value
+
+KINDS = ("Real", "Integer", "Boolean", "String")  # as model.h numbers them
+SLOT = "{{{symbols}, {name}, {folder}, {begin!r}, NULL}}"
+PART = (
+    "{{.fmi = 2, .instance = slots + {k}, .inputs = {inputs}, .outputs = {outputs}, .do_step = step_component,\n"
+    "     .duration = {duration!r}, .links = {links}, .link_count = {link_count}, .follows = {follows},\n"
+    "     .every = {every}, .steps_at = {steps_at}, .takes_at = {takes_at}, .spread = spread}}"
+)
+PLAN = """/* {title} Generated from the scenario. */
+#define STOP_TIME {stop!r}
+{externs}
+static double buffer[{size}], data[{cells}];
+{arrays}
+static Slot slots[] = {{
+{slots}
+}};
+static Part parts[] = {{
+{parts}
+}};
+static Loop plan = {{
+    .parts = parts, .part_count = {count}, .buffer = buffer, .start = {start!r}, .base_step = {base_step!r},
+    .is_jacobi = {is_jacobi}, .decimation = {decimation}, .columns = columns, .column_count = {columns}, .data = data,
+    .places = places, .place_count = {places}, .played = played, .marks = marks, .patience = INFINITY,
+}};
+"""
+
+
+def header(subject: Subject) -> str:
+    """Text of plan.h."""
+    scenario, experiment = subject.scenario, subject.scenario.experiment
+    layout = Layout(ports(subject.descriptions), texts(subject.descriptions))
+    rows = player(scenario.played, layout.inlets, experiment)
+    components = [scenario.components[name] for name in subject.order.names]
+    lines = [wires(subject, layout, component, k) for k, component in enumerate(components)]
+    played = [row for k in range(0, experiment.count + 1) for row in at(rows, k)]
+    arrays = (
+        *(array for own in lines for array in own.arrays),
+        array("int64_t", "columns", subject.columns),
+        array("int64_t", "places", [layout.inlets[port] for port in scenario.played]),
+        array("double", "played", played),
+    )
+    count, width = shape(scenario, subject.columns)
+    return PLAN.format(
+        title=f"{scenario.name}.",
+        stop=experiment.stop,
+        externs=externs({subject.descriptions[component.name].name for component in components}),
+        size=layout.size,
+        cells=count * width,
+        arrays="\n".join(arrays),
+        slots=listed(slot(subject, component, k) for k, component in enumerate(components)),
+        parts=listed(own.part for own in lines),
+        count=len(components),
+        start=experiment.start,
+        base_step=experiment.base_step,
+        is_jacobi=int(experiment.method == "jacobi"),
+        decimation=scenario.record.decimation,
+        columns=width,
+        places=len(scenario.played),
+    )
+
+
+def at(rows: Any, k: int) -> list[float]:
+    """Values that are played at a base step."""
+    rows.provide(k)
+    return [float(value) for value in rows.block[k - rows.begin]]
+
+
+def externs(names: Iterable[str]) -> str:
+    """Declarations of what the components are."""
+    kinds = {"model": "extern const Model {};", "arrays": "extern const Arrays {};", "kernel_is_exact": "int {}(void);"}
+    return "\n".join(kinds[symbol].format(f"{symbol}_{name}") for name in sorted(names) for symbol in SYMBOLS)
+
+
+def slot(subject: Subject, component: Component, k: int) -> str:
+    """A component, as page.c has it."""
+    model, arrays, is_exact = (f"{symbol}_{subject.descriptions[component.name].name}" for symbol in SYMBOLS)
+    return SLOT.format(
+        symbols=f"&{model}, &{arrays}, {is_exact}",
+        name=literal(component.name),
+        folder=literal(folder_of(k)),
+        begin=subject.scenario.experiment.time(component.offset),
+    )
+
+
+def folder_of(k: int) -> str:
+    """Where a component looks for its files."""
+    return f"/{k}"
+
+
+class Wires(NamedTuple):
+    """A component, as loop.c has it, and arrays of its own."""
+
+    part: str
+    arrays: tuple[str, ...]
+
+
+def wires(subject: Subject, layout: Layout, component: Component, k: int) -> Wires:
+    """What the loop has to know of the component of that number, as `structure` in `compiled.py` tells it."""
+    scenario, experiment = subject.scenario, subject.scenario.experiment
+    own = [c for c in scenario.connections if c.target.component == component.name]
+    found = sorted(own, key=lambda c: c.converts)
+    ends = [(layout.inlets[c.target], layout.index[c.source]) for c in found]
+    links = [
+        f"{{{target}, {source}, {int(c.converts)}, {1.0 if c.factor is None else c.factor!r}, {c.bias or 0.0!r}}}"
+        for (target, source), c in zip(ends, found)
+    ]
+    is_fed = bool(own) or any(port.component == component.name for port in scenario.played)
+    inputs, outputs = (layout.of(component.name, causality) for causality in ("input", "output"))
+    references = [layout.variables[port].reference for port in (*inputs, *outputs)]
+    part = PART.format(
+        k=k,
+        inputs=exchange("set_inputs", k, 0, inputs, layout),
+        outputs=exchange("get_outputs", k, len(inputs), outputs, layout),
+        duration=component.step * experiment.base_step,
+        links=f"links_{k}",
+        link_count=len(links),
+        follows=int(is_fed and experiment.method == "gauss-seidel"),
+        every=component.step,
+        steps_at=first_turn(component, 0),
+        takes_at=first_exchange(component, 0),
+    )
+    return Wires(part, (array("unsigned", f"references_{k}", references), array("Link", f"links_{k}", links)))
+
+
+def exchange(function: str, k: int, first: int, moved: Sequence[Port], layout: Layout) -> str:
+    """A call that moves values."""
+    place = layout.index[moved[0]] if moved else 0
+    return f"{{{function}, references_{k} + {first}, {len(moved)}, buffer + {place}, {len(moved)}}}"
+
+
+def array(kind: str, name: str, items: Sequence[Any]) -> str:
+    """A constant array, which is never empty."""
+    text = ", ".join(item if isinstance(item, str) else repr(item) for item in items)
+    return f"static const {kind} {name}[] = {{{text or '0'}}};"
+
+
+def listed(items: Iterable[str]) -> str:
+    """Items of an array, line by line."""
+    return ",\n".join(f"    {item}" for item in items)
+
+
+# What the page sets before a run, of JSON.
+
+
+def values(subject: Subject, take: Take) -> list[dict[str, Any]]:
+    """Components in execution order with the values that they are given; a text that names a file is without folder."""
+    made = []
+    for name in subject.order.names:
+        component, description = subject.scenario.components[name], subject.descriptions[name]
+        seed: dict[str, Value] = {"seed": take.seeds[name]} if name in take.seeds else {}
+        made.append(
+            {
+                "name": name,
+                "fmu": description.name,
+                "values": [
+                    [description.variables[n].reference, KINDS.index(description.variables[n].type), inside(value)]
+                    for n, value in {**component.values, **seed}.items()
+                ],
+            }
+        )
+    return made
+
+
+def inside(value: Value) -> Value:
+    """A value, where a file is known by its name alone."""
+    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
+
+
+def files(subject: Subject) -> Mapping[str, str]:
+    """Text of each file that a component may ask for, by its path in the module."""
+    found: dict[str, str] = {}
+    for k, name in enumerate(subject.order.names):
+        shipped = parts(subject.descriptions[name].name).resources
+        found |= {f"{folder_of(k)}/{file}": content.decode() for file, content in shipped.items()}
+        for value in subject.scenario.components[name].values.values():
+            if isinstance(value, str) and Path(value).is_absolute():
+                found[f"{folder_of(k)}/{Path(value).name}"] = Path(value).read_text(encoding="utf-8")
+    return found
+
+
+def inputs(subject: Subject) -> list[list[float]]:
+    """Places of inputs that have one value, and these."""
+    layout = Layout(ports(subject.descriptions))
+    given = constants(subject.scenario, subject.descriptions, {})
+    return [[layout.inlets[port], float(value)] for port, value in given.items()]

@@ -1,0 +1,55 @@
+// The worker: it keeps the compiled module, and makes a new instance of it for each run, so that a run depends on nothing
+// but the values that it is given. A component that refuses something says why itself.
+"use strict";
+let plan, compiled;
+
+onmessage = async ({ data }) => {
+  if (data.plan) {
+    plan = data.plan;
+    compiled = await WebAssembly.compile(data.module);
+  }
+  try {
+    const done = run(data.values);
+    postMessage(done, [done.record.buffer]);
+  } catch (error) {
+    postMessage({ refused: error.message });
+  }
+};
+
+// `values`: by component, those that differ from the scenario's, as [reference, kind, value].
+function run(values) {
+  const begun = performance.now();
+  const said = [];
+  let module;
+  const bytes = (at, size) => new Uint8Array(module.memory.buffer, at, size);
+  const say = (at) => {
+    const rest = bytes(at);
+    said.push(new TextDecoder().decode(rest.subarray(0, rest.indexOf(0))).replaceAll("%%", "%"));
+  };
+  const put = (text) => {
+    const content = new TextEncoder().encode(text + "\0");
+    const at = module.room(content.length);
+    bytes(at, content.length).set(content);
+    return [at, content.length - 1];
+  };
+  const check = (refused) => {
+    if (refused) throw new Error(said.join(" ") || `The run stopped after base step ${module.done()}.`);
+  };
+  const set = (part, [reference, kind, value]) =>
+    check(kind === TEXT ? module.set_text(part, reference, put(value)[0]) : module.set_number(part, kind, reference, Number(value)));
+
+  module = new WebAssembly.Instance(compiled, { page: { say } }).exports;
+  module._initialize();
+  for (const [path, text] of Object.entries(plan.files)) module.give_file(put(path)[0], ...put(text));
+  check(module.open());
+  plan.components.forEach((own, part) => [...own.values, ...(values[part] || [])].forEach((one) => set(part, one)));
+  for (const [place, value] of plan.inputs) new Float64Array(module.memory.buffer, module.inputs(), place + 1)[place] = value;
+  check(module.start());
+  const constants = Object.fromEntries(Object.entries(plan.constants).map(([name, at]) => [name, module.number(...at)]));
+  check(module.advance(plan.count));
+  const rows = module.rows();
+  const record = new Float64Array(module.memory.buffer, module.record(), rows * plan.signals.length).slice();
+  return { record, rows, constants, milliseconds: performance.now() - begun };
+}
+
+const TEXT = 3; // kind of a value, as model.h numbers them

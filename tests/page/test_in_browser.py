@@ -1,0 +1,158 @@
+"""Pages in Chromium without a network: the bits of native FMUs, what is fetched and complained about, and their use."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import nine
+import numpy as np
+import pytest
+from opened import METRICS, Opened
+
+from gapsense.cosim import run
+from gapsense.cosim.scenario.read import load
+from gapsense.page.page import write_page
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("zig")]
+ROOT = Path(__file__).resolve().parents[2]
+SCENARIOS = sorted(f.parent for f in ROOT.glob("scenarios/*/scenario.toml"))
+RUNNABLE = [folder for folder in SCENARIOS if not load(folder).events]
+LARGEST = 400_000  # bytes of a page
+FAST, FIRST = 30.0, 1.0  # ms that a run of nine components may take, s that the first view may
+
+
+@pytest.fixture(scope="module")
+def valve(tmp_path_factory: pytest.TempPathFactory, fmus: Path) -> Path:
+    pytest.importorskip("bokeh")
+    return write_page(ROOT / "scenarios" / "semera_valve", tmp_path_factory.mktemp("page") / "valve.html", fmus=fmus)
+
+
+@pytest.fixture
+def one(browser: Any, valve: Path) -> Iterator[Opened]:
+    found = Opened(browser, valve)
+    yield found
+    found.close()
+
+
+def assert_equal(opened: Opened, result: Any) -> None:
+    """All recorded signals have the same bits."""
+    signals = opened.signals()
+    assert list(signals) == list(result.signals)
+    wrong = [n for n, x in signals.items() if x.tobytes() != np.ascontiguousarray(result.signals[n]).tobytes()]
+    assert wrong == []
+
+
+def test_only_scenarios_with_events_are_no_pages():
+    assert {folder.name for folder in SCENARIOS} - {folder.name for folder in RUNNABLE} == {"run_to_run_day"}
+
+
+@pytest.mark.parametrize("folder", RUNNABLE, ids=lambda folder: folder.name)
+def test_page_has_the_bits_of_native_fmus_its_file_and_its_metrics(browser, tmp_path, fmus, natives, folder):
+    pytest.importorskip("bokeh")
+    file = write_page(folder, tmp_path / f"{folder.name}.html", fmus=fmus)
+    result = run(folder, fmus=natives)
+    opened = Opened(browser, file)
+    assert_equal(opened, result)
+    with opened.page.expect_download() as download:
+        opened.page.click("#csv")
+    assert Path(download.value.path()).read_bytes() == result.save(tmp_path / "result.csv").read_bytes()
+    measured = [math.nan if value is None else value for value in opened.page.evaluate(METRICS)]
+    expected = [m.value for m in result.metrics.values()]
+    np.testing.assert_allclose(measured, expected, rtol=1e-9, atol=1e-18)
+    assert opened.page.locator("tr.bad").count() == sum(not m.passed for m in result.metrics.values())
+    milliseconds = opened.again(5)
+    print(f"{folder.name}: {file.stat().st_size} bytes, {min(milliseconds):.1f} ms; native {1e3 * result.wall:.1f} ms")
+    assert opened.complaints == [] and opened.problem() == ""
+    assert all(url.startswith(("file:", "blob:", "data:")) for url in opened.fetched)
+    assert file.stat().st_size < LARGEST
+    opened.close()
+
+
+def test_played_signals_and_variants_have_the_bits_of_a_run(browser, tmp_path, fmus):
+    text = (ROOT / "scenarios" / "semera_valve" / "scenario.toml").read_text(encoding="utf-8")
+    ramp = "{ times = [-1.05e-3, 0.1], values = [0.0, 30.0] }"
+    text = text.replace('"drive.reference" = 0.0', f'"drive.reference" = {ramp}').replace(
+        '"parameters/', f'"{ROOT}/scenarios/semera_valve/parameters/'
+    )
+    text += '\n[variants.played.experiment]\nmethod = "jacobi"\n\n[variants.played.components.drive.set]\n'
+    (tmp_path / "scenario.toml").write_text(text + 'waveform = "external"\n', encoding="utf-8")
+    opened = Opened(browser, write_page(tmp_path, tmp_path / "x.html", "played", fmus))
+    result = run(tmp_path, "played", fmus)
+    assert np.ptp(result["drive.voltage"]) > 25.0
+    assert_equal(opened, result)
+    opened.close()
+
+
+def test_slider_changes_the_curves_and_reset_brings_them_back(one, fmus):
+    before = one.signals()["valve.current"]
+    slider = one.page.get_by_label("valve.coil.resistance, slider")
+    one.change(lambda: slider.press("ArrowRight"))
+    changed = one.signals()["valve.current"]
+    assert not np.array_equal(before, changed)
+    one.change(lambda: one.page.click("#reset"))
+    assert np.array_equal(one.signals()["valve.current"], before) and "#" not in one.page.url
+
+
+def test_typed_value_gives_the_bits_of_a_run_with_it_and_goes_into_the_link(browser, valve, one, fmus):
+    one.change(lambda: one.type("valve.coil.resistance", "79,05"))
+    from gapsense.cosim import changed
+
+    result = run(changed(ROOT / "scenarios" / "semera_valve", ["valve.coil.resistance=79.05"]), fmus=fmus)
+    assert_equal(one, result)
+    link = one.page.url.partition("#")[2]
+    assert link == "valve.coil.resistance=79.05"
+    other = Opened(browser, valve, link=f"#{link}")
+    assert_equal(other, result)
+    other.close()
+
+
+def test_component_refuses_nonsense_in_its_own_words_and_the_curves_stay(one):
+    before = one.signals()["valve.current"]
+    one.type("valve.coil.resistance", "-5")
+    one.page.wait_for_selector("#problem:not([hidden])")
+    assert "`coil.resistance`" in one.problem() and "-5.0" in one.problem() and "SolenoidValve" in one.problem()
+    assert np.array_equal(one.signals()["valve.current"], before)
+    one.type("valve.coil.resistance", "seventy")
+    one.page.wait_for_function("() => document.getElementById('problem').textContent.includes('a number is expected')")
+    one.change(lambda: one.type("valve.coil.resistance", "76"))
+    assert one.page.locator("#problem").is_hidden() and one.complaints == []
+
+
+def test_play_stops_by_itself_or_when_asked(one):
+    one.page.click("#play")
+    assert "Stop" in one.page.locator("#play").text_content()
+    one.page.click("#play")
+    one.page.wait_for_function("() => document.getElementById('play').textContent.includes('Play')")
+    assert one.complaints == []
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_page_fits_its_window_and_can_be_used_by_keyboard(browser, valve, scheme, width):
+    opened = Opened(browser, valve, scheme, width)
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= width
+    ground = opened.page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (ground == "rgb(255, 255, 255)") == (scheme == "light")
+    for _ in range(40):
+        opened.page.keyboard.press("Tab")
+        if opened.page.evaluate("document.activeElement.type") == "range":
+            break
+    opened.change(lambda: opened.page.keyboard.press("ArrowLeft"))
+    assert "#" in opened.page.url and opened.complaints == []
+    opened.close()
+
+
+def test_nine_components_run_in_the_time_that_a_slider_needs(browser, tmp_path, fmus, natives):
+    pytest.importorskip("bokeh")
+    folder = nine.write(tmp_path)
+    opened = Opened(browser, write_page(folder, tmp_path / "nine.html", fmus=fmus))
+    result = run(folder, fmus=natives)
+    assert_equal(opened, result)
+    milliseconds = opened.again(40)
+    native = 1e3 * min(run(folder, fmus=natives).wall for _ in range(5))
+    print(f"nine components: {min(milliseconds):.1f} ms, native {native:.1f} ms")
+    assert min(milliseconds) < FAST
+    opened.close()
