@@ -69,16 +69,16 @@ class Course(NamedTuple):
 
     rests: Mapping[int, float]
     spans: tuple[tuple[int, int], ...]
-    count: int
+    operations: int
 
     def time(self, operation: int) -> float:
         """Begin of an operation [s]."""
         return operation * OPERATION + sum(rest for before, rest in self.rests.items() if before <= operation)
 
 
-COURSE = Course(rests={60: 0.2, 100: 0.3, 150: 0.2}, spans=((80, 90), (110, 210)), count=230)
+COURSE = Course(rests={60: 0.2, 100: 0.3, 150: 0.2}, spans=((80, 90), (110, 210)), operations=230)
 
-LONG = Course(rests={60: 0.2, 200: 0.5, 330: 0.1, 470: 1.0, 640: 0.3, 800: 0.2}, spans=(), count=880)
+LONG = Course(rests={60: 0.2, 200: 0.5, 330: 0.1, 470: 1.0, 640: 0.3, 800: 0.2}, spans=(), operations=880)
 
 
 def on_grid(time: float) -> float:
@@ -89,7 +89,7 @@ def on_grid(time: float) -> float:
 def temperature(course: Course) -> dict[str, Any]:
     """Events that make the resistance follow a coil that warms in operations and cools in rests."""
     events, warm = {}, 0.0
-    for k in range(0, course.count, CYCLE):
+    for k in range(0, course.operations, CYCLE):
         warm *= math.exp(-course.rests.get(k, 0.0) / TIME)
         begin = on_grid(course.time(k) - BEFORE) if k else START
         end = on_grid(course.time(k + CYCLE) - course.rests.get(k + CYCLE, 0.0) - BEFORE)
@@ -98,7 +98,7 @@ def temperature(course: Course) -> dict[str, Any]:
             "action": "scale",
             "value": 1.0 + WARMING * warm,
             "at": begin,
-            "until": min(end, on_grid(course.time(course.count))),
+            "until": min(end, on_grid(course.time(course.operations))),
         }
         warm += (1.0 - warm) * CYCLE * OPERATION / TIME
     return events
@@ -110,7 +110,7 @@ def switched(course: Course) -> dict[str, Any]:
     for k, rest in sorted(course.rests.items()):
         times += [course.time(k) - rest - 1e-3, course.time(k) - 1e-3]
         values += [0.0, 1.0]
-    return {"times": [*times, course.time(course.count) + 1.0], "values": [*values, 1.0], "interpolation": "hold"}
+    return {"times": [*times, course.time(course.operations) + 1.0], "values": [*values, 1.0], "interpolation": "hold"}
 
 
 def document(case: Case, names: Sequence[str], course: Course, decimation: int = 5) -> Document:
@@ -121,7 +121,7 @@ def document(case: Case, names: Sequence[str], course: Course, decimation: int =
         for k, (target, (action, value)) in enumerate(case.actions.items())
     }
     tables = {
-        "experiment": {"stop": on_grid(course.time(course.count))},
+        "experiment": {"stop": on_grid(course.time(course.operations))},
         "components": {"monitor": {"set": {"learn.windows": 60.0}}},
         "events": {"contact": {"enabled": False}, **temperature(course), **faults},
         "inputs": {"drive.enable": switched(course)},
@@ -138,7 +138,8 @@ def times(case: Case, course: Course) -> list[tuple[float, float]]:
 
 def devices(count: int, seed: int) -> list[Values]:
     """Devices drawn evenly within `WIDTHS` in turn, with even logarithms of the noise, which `Mhe` is told."""
-    rng, found = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    found: list[Values] = []
     for k in range(count):
         width = WIDTHS[k % len(WIDTHS)]
         factors = 1.0 + rng.uniform(-width, width, len(SPREAD) + 2)

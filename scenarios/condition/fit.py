@@ -18,7 +18,7 @@ from gapsense.studies.runs import signals
 from .cases import CASES, Case, Course, devices, document, times
 from .judge import EACH, SHIFT, times_of
 
-COURSE = Course(rests={60: 0.2}, spans=((80, 140),), count=142)
+COURSE = Course(rests={60: 0.2}, spans=((80, 140),), operations=142)
 NAMES = [f"monitor.{name}" for name in ("faults", *Profile._fields, *Moved._fields[1:])]
 LEAST, GROUPS, FEW, ROUNDS = 0.05, 5, 0.1, 20  # spread, groups, share of the rows that is none, rounds of the search
 NEAR = 0.9  # cosine from which a direction is in a group

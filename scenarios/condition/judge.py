@@ -35,7 +35,7 @@ class Span(NamedTuple):
 
 def times_of(count: int) -> Array:
     """Of rows [s]."""
-    return START + np.arange(count) * EACH * STEP
+    return np.asarray(START + np.arange(count) * EACH * STEP)
 
 
 def judged(case: Case, count: int, seed: int, tell: Callable[[int], None], course: Course = COURSE) -> list[list[Span]]:
@@ -87,7 +87,7 @@ def alarms(count: int, seed: int, course: Course, tell: Callable[[int], None]) -
     for done, (_, rows) in enumerate(runs, 1):
         if rows is not None:
             verdict, _, told = rows.T
-            operations += int(np.mean(verdict > 0.0) * course.count)
+            operations += int(np.mean(verdict > 0.0) * course.operations)
             faults += int(told[-1])
             worn += int(np.any(verdict == float(Verdict.worn)))
         tell(done)

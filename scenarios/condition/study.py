@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from gapsense._os.workers import Progress
 from gapsense.cli.common import Out, study
 from gapsense.cli.console import bar, show, written
 from gapsense.studies.figures import FIGURES
@@ -31,8 +33,12 @@ def condition(
     found = {}
     for name, case in CASES.items():
         with bar(f"{name}, runs") as progress:
-            found[name] = judged(case, devices, seed, lambda done, tell=progress: tell(done, devices))
+            found[name] = judged(case, devices, seed, partial(_told, progress, devices))
     with bar("healthy, runs") as progress:
-        said = alarms(healthy, seed + 1, LONG, lambda done: progress(done, healthy))
+        said = alarms(healthy, seed + 1, LONG, partial(_told, progress, healthy))
     show(*cases_table(found), alarm_sentence(said))
     written(plot.save(causes_figure(found), to / "condition.png"))
+
+
+def _told(progress: Progress, total: int, done: int) -> None:
+    progress(done, total)

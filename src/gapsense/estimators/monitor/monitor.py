@@ -10,6 +10,7 @@ are compared with the signatures of causes, by direction (4).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from gapsense.estimators.monitor.records import (
     PHASES,
@@ -52,6 +53,7 @@ HALF = 0.5  # usual sizes of a profile that are noise of each of its entries
 ASIDE, BESIDE = 0.25, 2.0  # most of a profile that is not that of a cold coil: share of what is, and usual sizes
 LATELY = 4.0  # operations of a kind of which usual currents are means
 WARMER = next(s.entries for s in SUDDEN if s.cause == "contact")  # direction of the currents of a warmer coil
+CURVED = 0.12  # share of what the temperature does that has another direction
 NONE = vector([0.0] * len(CAUSES))
 
 
@@ -209,10 +211,11 @@ def _is_familiar(state: State, currents: Array, par: Parameters) -> Scalar:
     usually, is_closing = state.usually, is_set(state.operation.command)
     known = _half(usually.currents, is_closing)
     off, warm = currents - known, _half(vector(WARMER), is_closing)
-    rest = off - (off @ warm) / (warm @ warm) * warm
-    most = par.limit_strange * state.baseline.usual_size
+    along = (off @ warm) / (warm @ warm) * warm
+    rest, noise = off - along, par.limit_strange * state.baseline.usual_size
     is_known = where(is_closing, usually.closings_known, usually.openings_known) >= LATELY
-    return is_known & (_length(rest) < most) & (fabs(off[-1]) < BACK * fabs(known[-1]) + most)
+    is_same = _length(rest) < noise + CURVED * _length(along)
+    return is_known & is_same & (fabs(off[-1]) < BACK * fabs(known[-1]) + noise)
 
 
 def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -> State:
@@ -239,16 +242,24 @@ def _decide(state: State, par: Parameters) -> State:
     still = vector([0.0] * (len(CAUSES) - 1) + [1.0])
     evidence = where_all(is_set(course.is_still), still, _evidence(course.profile, SUDDEN, noise))
     is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
-    is_fault = is_set(course.is_still) | not_(is_usual & _is_cold(course.profile, noise))
+    is_fault = is_set(course.is_still) | not_(_is_cold(course.profile, is_usual, noise))
     return when(is_fault, lambda state: _alarm(state, evidence), state)
 
 
-def _is_cold(profile: Array, noise: Scalar) -> Scalar:
-    """Whether a closing is what it is with less resistance than in the operation before, after a rest."""
-    found, cold = profile[: len(COLDER)], vector(direction(COLDER))
-    along = found @ cold
-    beside = _square(found - along * cold)
-    return (along > 0.0) & (beside < square(ASIDE * along) + square(BESIDE * noise))
+def _is_cold(profile: Array, is_usual: Scalar, noise: Scalar) -> Scalar:
+    """A closing as with less resistance than in the operation before, after a rest, and such an opening or a usual one.
+
+    In the rest of a closing `Mhe` may already know it.
+    """
+    closing = _is_along(profile[: len(COLDER)], COLDER, noise)
+    return closing & (is_usual | _is_along(profile[PHASES:], [-x for x in WARMER[PHASES:]], noise))
+
+
+def _is_along(found: Array, entries: Sequence[float], noise: Scalar) -> Scalar:
+    """Whether a profile has a direction, but for noise and some more."""
+    unit = vector(direction(entries))
+    along = found @ unit
+    return (along > 0.0) & (_square(found - along * unit) < square(ASIDE * along) + square(BESIDE * noise))
 
 
 def _alarm(state: State, evidence: Array) -> State:
