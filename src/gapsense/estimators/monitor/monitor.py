@@ -242,7 +242,9 @@ def _decide(state: State, par: Parameters) -> State:
     still = vector([0.0] * (len(CAUSES) - 1) + [1.0])
     evidence = where_all(is_set(course.is_still), still, _evidence(course.profile, SUDDEN, noise))
     is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
-    is_fault = is_set(course.is_still) | not_(_is_cold(course.profile, is_usual, noise))
+    was_closing = not_(is_set(state.operation.command))  # the first one
+    is_cold = was_closing & _is_cold(course.profile, is_usual, noise)
+    is_fault = is_set(course.is_still) | not_(is_cold)
     return when(is_fault, lambda state: _alarm(state, evidence), state)
 
 

@@ -12,6 +12,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from gapsense.kernels.linalg import total
+
 
 class Signature(NamedTuple):
     """A direction, and how far it differs from device to device; a cause may have several."""
@@ -56,5 +58,5 @@ GRADUAL = (
 
 def direction(entries: Sequence[float]) -> tuple[float, ...]:
     """A signature of length 1."""
-    length = math.sqrt(sum(x * x for x in entries))
+    length = math.sqrt(total(x * x for x in entries))
     return tuple(x / length for x in entries)
