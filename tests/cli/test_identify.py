@@ -69,6 +69,9 @@ def test_identify_writes_a_parameter_set_and_says_how_certain_it_is(identified, 
     assert 'assumed = ["stop.restitution"]' in file.read_text("utf-8") and "Assumed, neither given nor found" in printed
     for words in ("standard error", "Correlations", "Validation", "other", "`damping` is not identified", "1 of 1"):
         assert words in printed, printed
+    told = " ".join(printed.split())
+    assert "take the scale of the voltage, the scale of the current, `stop.lower`, `stop.upper`" in told
+    assert "`--accuracy` puts what is known of them into the errors" in told
     assert (data / "fit.png").read_bytes().startswith(b"\x89PNG")
 
 

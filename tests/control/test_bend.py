@@ -94,7 +94,7 @@ def test_current_tells_whether_an_operation_has_arrived(half):
     stays = ended._replace(charges=np.roll(stays.charges, LONGEST))
     is_there, is_absent, seated = bend.arrived(ended, 0.0, PAR)
     assert (is_there, is_absent) == (True, False) and seated > 0.0
-    assert bend.arrived(stays, 0.0, PAR)[0] == False  # noqa: E712
+    assert not bend.arrived(stays, 0.0, PAR)[0]
     assert bend.arrived(stays, seated, PAR) == (False, True, seated)
     cut = ended._replace(running=ended.running._replace(age=200.0))
     assert bend.arrived(cut, seated, PAR) == (False, False, seated)
@@ -109,8 +109,8 @@ def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_la
     z = 0.26e-3 + stops(True, make_mover(PAR))[1]
     current = FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0]
     floating.charges[half] = current * PAR.sample_time * np.arange(LONGEST)
-    assert bend.arrived(floating, 0.0, PAR)[1] == False  # noqa: E712
-    assert bend.arrived(floating, seated, PAR)[1] == True  # noqa: E712
+    assert not bend.arrived(floating, 0.0, PAR)[1]
+    assert bend.arrived(floating, seated, PAR)[1]
     for law in (0.0, 1.0):  # a contact that is only heard after the plan denies nothing
         known = laws.write(floating.laws, CLOSING, laws.read(floating.laws, CLOSING)._replace(seated=seated))
         heard = Heard(2.0, 1.0, 80.0, 480.0 * (1.0 - law), 0.0, 0.0)

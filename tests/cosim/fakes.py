@@ -127,7 +127,7 @@ class Trial:
         kind = Fake3 if fmi == 3 else Fake2
         instance = kind(f"c{i}", fmi, trouble, self.notes, self.marks)
         instance.is_near = is_near
-        part = Part(Component(f"c{i}", "Fake", step, offset), instance, self.buffer, self.layout)
+        part = Part(Component(f"c{i}", "Fake", step, offset), instance, self.buffer, self.layout, {})
         part.is_played = bool(self.case["signals"]) and i == 0
         return part
 

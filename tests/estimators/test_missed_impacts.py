@@ -12,7 +12,7 @@ from c_code import run as run_in_c
 from smoother_runs import assert_published
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.estimators import ertss, readings
+from gapsense.estimators import ertss, kinks, readings
 from gapsense.estimators.rts import smooth_record
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
@@ -43,7 +43,7 @@ class Landed(NamedTuple):
 
 
 @cache
-def run(seed: int, restitution: float, spread: float = 0.0, **changes: float) -> Run:
+def run(seed: int, restitution: float, spread: float = 0.0, noise: float = 2e-3, **changes: float) -> Run:
     rng = np.random.default_rng(seed)
     wrong = {
         name: getattr(RTS_VALVE, name) * (1.0 + spread * rng.uniform(-1.0, 1.0))
@@ -53,7 +53,7 @@ def run(seed: int, restitution: float, spread: float = 0.0, **changes: float) ->
     voltage = np.tile(np.repeat([rng.uniform(25.0, 40.0), 0.0], HALF), CYCLES)
     par = RTS_VALVE._replace(stop_restitution=restitution, **wrong)
     s = dict(zip(shown, driven(reluctance_actuator, par, voltage, T_S, *shown).T), voltage=voltage)
-    measured = s["current"] + 2e-3 * rng.standard_normal(voltage.size)
+    measured = s["current"] + noise * rng.standard_normal(voltage.size)
     columns = (T_S * np.arange(voltage.size), voltage, measured, s["mode"], np.zeros(voltage.size))
     found = run_in_c(ertss, np.column_stack(columns), kernel_parameters(own("ertss"), blind(VALVE) | changes))
     return Run(s, measured, dict(zip(names(ertss.Outputs), found.T)))
@@ -94,16 +94,47 @@ def test_the_current_tells_the_first_impact_of_a_closing(restitution: float, spr
         assert np.sqrt(np.mean([o.error**2 for o in bounced])) <= 2.0 * usual
 
 
+def openings(restitution: float, noise: float = 2e-3, first: int = 0) -> list[Landed]:
+    """Those that end, of devices that are up to 3 % off, from the `first` one on."""
+    found = []
+    for seed in (*SEEDS, *MORE_SEEDS):
+        told = landings(run(seed, restitution, 0.03, noise, **{"noise.current": noise}), OPENING)
+        assert len(told) == CYCLES - 2
+        found += told[first:]
+    return found
+
+
+def rms(operations: list[Landed]) -> float:
+    return float(np.sqrt(np.mean([o.error**2 for o in operations])))
+
+
 @pytest.mark.parametrize("restitution", [0.1, 0.2, 0.3])
 def test_an_opening_is_guessed_and_flagged(restitution: float) -> None:
     """The current says too little there: it was 13, 28 and 47 samples late, 75, 134 and 186 um wrong, unflagged.
 
-    The closing before it has told that the mover bounces; without that a third of the weak ones were taken for none.
+    The closing before it has told that the mover bounces, and with which restitution: 6 to 8 um.  By the filter alone
+    the impact was up to 6 samples off, and the position 14 um; a third of the weak bounces were taken for none.
     """
-    for seed in (*SEEDS, *MORE_SEEDS):
-        told = landings(run(seed, restitution, 0.03), OPENING)
-        assert len(told) == CYCLES - 2
-        assert all(o.is_flagged and o.bounces >= 1.0 and abs(o.late) <= 8.0 and o.error < 45.0 for o in told)
+    told = openings(restitution)
+    assert all(o.is_flagged and o.bounces >= 1.0 and abs(o.late) <= 3.0 and o.error < 20.0 for o in told)
+    assert rms(told) <= 2.0 * rms(openings(0.0))
+
+
+def test_the_restitution_is_learnt_in_noise() -> None:
+    """With 6 mA no closing told its bounces, and openings were 75 to 186 um wrong where the filter was late."""
+    told = openings(0.2, 6e-3)
+    assert sum(o.error < 25.0 for o in told) >= 0.9 * len(told)
+
+
+def test_bounces_are_as_long_as_the_restitution_says() -> None:
+    """Without damping a rebound at e v lasts 2 e v / a, the next one e times that."""
+    settled = kinks.Settling(speed=500.0, pull=2e6, drag=0.0)
+    flights = [2.0 * 500.0 * 0.3**k / 2e6 for k in range(1, 40)]
+    assert kinks.duration(settled, 0.3) == pytest.approx(sum(flights))
+    for drag in (0.0, 500.0):
+        settled = settled._replace(drag=drag)
+        assert kinks.restitution(settled, kinks.duration(settled, 0.3)) == pytest.approx(0.3, rel=0.01)
+    assert kinks.duration(settled, 0.3) < sum(flights)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05])

@@ -26,6 +26,8 @@ class Condition(NamedTuple):
     dt: float = 50e-6  # sampling period [s]
     rest: int = 30  # samples before the first edge
     edge: float = 0.5  # where the edges lie between two samples
+    period: float = PERIOD  # of operations [s]
+    on: float = ON  # how long the voltage is on in each [s]
     eddy: float = 0.0  # conductance of the core beside the coil [S]
     warming: float = 0.0  # of the resistance, relative, over the record
     series: float = 0.0  # resistance of supply and switch [Ohm]
@@ -38,6 +40,8 @@ class Condition(NamedTuple):
     gain: float = 1.0  # of the current
     skew: float = 0.0  # the current is late [s]
     filtered: float = 0.0  # time constant of the current's filter [s]
+    blurred: float = 0.0  # the same, of the filter of both channels [s]
+    drift: float = 0.0  # of the current's zero over the record [A]
     hum: float = 0.0  # at 50 Hz [A]
     step: float = 0.0  # of the current's converter [A]
     noise: float = 1.0  # times `NOISE`
@@ -84,17 +88,18 @@ def records(c: Condition, seed: int) -> list[Record]:
 
 def record(c: Condition, volts: float, count: int, rng: np.random.Generator) -> Record:
     """One of them."""
-    samples = c.rest + round(count * PERIOD / c.dt) + 1
+    samples = c.rest + round(count * c.period / c.dt) + 1
     fine = c.dt / FINE
     t = (np.arange(FINE * samples) + 1) * fine - (c.rest - 1 + c.edge) * c.dt
     middle = t - 0.5 * fine
-    command = np.where((middle > 0.0) & (middle % PERIOD < ON), volts, 0.0)
+    command = np.where((middle > 0.0) & (middle % c.period < c.on), volts, 0.0)
     voltage, current = driven(c, middle, command)
     seen = command if c.only_command else voltage
     late = c.skew / fine
     current = np.interp(np.arange(t.size) - late, np.arange(t.size), lowpass(current, fine, c.filtered))
-    v, i = (x[FINE - 1 :: FINE] for x in (seen, current))
-    i = c.gain * i + c.offset + c.hum * np.sin(2.0 * np.pi * 50.0 * np.arange(i.size) * c.dt + 1.0)
+    v, i = (lowpass(x, fine, c.blurred)[FINE - 1 :: FINE] for x in (seen, current))
+    hum = c.hum * np.sin(2.0 * np.pi * 50.0 * np.arange(i.size) * c.dt + 1.0)
+    i = c.gain * i + c.offset + c.drift * np.linspace(0.0, 1.0, i.size) + hum
     v, i = (x + c.noise * NOISE[name] * rng.standard_normal(x.size) for name, x in (("voltage", v), ("current", i)))
     i = np.round(i / c.step) * c.step if c.step else i
     values = {"time": np.arange(samples) * c.dt, "voltage": v, "current": i}
@@ -110,7 +115,7 @@ def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.nda
     for k, (t, wanted) in enumerate(zip(times.tolist(), command.tolist())):
         R = c.par.coil_resistance * (1.0 + c.warming * k / times.size)
         on = wanted > 0.0
-        mean = wanted * (c.duty if t % PERIOD > c.peak else 1.0) - (c.series * i if on else 0.0)
+        mean = wanted * (c.duty if t % c.period > c.peak else 1.0) - (c.series * i if on else 0.0)
         v = mean if on or i < 1e-5 else -c.diode - c.clamp
         shared = 1.0 + R * c.eddy  # i = (g u + i_mag) / (1 + R g)
         state, outputs = step(state, (t, dt, v / shared), (R / shared, *constants))

@@ -80,7 +80,11 @@ def test_a_value_that_ends_at_a_limit_is_told_and_no_position_is_called_certain(
     said = " ".join(file.remarks(result, fit.with_bend(BELIEVED)))
     assert "core_eddy" in result.at_limit and "`core.eddy` ends at a limit of the search: 1 mS" in said
     assert not result.is_explained and "the model is another one" in said and "certain to" not in said
+    alike = result._replace(residuals=found.residuals, misfit=0.5)  # at a limit, though nothing is left
+    assert "certain to" not in " ".join(file.remarks(alike, fit.with_bend(BELIEVED)))
     sound = " ".join(file.remarks(found, fit.with_bend(BELIEVED)))
+    (scales,) = [text for text in file.actuator_tables(found, BELIEVED) if "for exact" in str(text)]
+    assert "`stop.lower`, `stop.upper` and `coil.turns`" in str(scales)
     assert not found.at_limit and "certain to" in sound and "ends" not in sound
 
 

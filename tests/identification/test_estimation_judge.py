@@ -73,6 +73,25 @@ def test_without_a_complete_operation_the_current_decides(fmus):
     assert "of the current unexplained" in said and "(21)" not in said
 
 
+def test_mhe_that_has_solved_no_window_is_told_whatever_its_health(fmus):
+    measured = record(VALVE)
+    estimate = run_estimator(fmus / "Mhe.fmu", measured, GIVEN)
+    idle = {"windows": 0.0 * measured.times, "innovation": 0.03 + 0.0 * measured.times}
+    far = estimate._replace(outputs={**estimate.outputs, **idle, "health": 1.0 + 0.0 * measured.times})
+    said = judge.verdict(judge.truth(measured), far)
+    assert "it has not solved one window" in said and "times the noise, whatever its `health` says" in said
+
+
+@pytest.mark.parametrize("step", [0.0, 0.2, 0.5])
+def test_white_noise_however_coarse_is_no_operation(step):
+    rng, n = np.random.default_rng(5), 5000
+    v, i = 30.0 * rng.standard_normal(n), 0.15 * rng.standard_normal(n)
+    i = np.round(i / step) * step if step else i
+    measured = to_record(Columns("x.csv", np.arange(n), {"time": DT * np.arange(n), "voltage": v, "current": i}), "end")
+    (said,) = judge.doubts(measured, [])
+    assert "no estimate can be judged" in said
+
+
 def test_estimator_that_does_not_take_the_sampling_is_left_out_with_a_word():
     fast = record(VALVE, periods=1)
     fast = fast._replace(times=fast.times / 4.0)

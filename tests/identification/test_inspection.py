@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imperfect_records import Condition
+from imperfect_records import record as imperfect
 from valve_records import write
 
 from gapsense.identification.inspection.facts import facts, levels
@@ -39,6 +41,12 @@ def test_clamp_is_a_level_and_the_last_pulse_is_incomplete():
     assert levels(measured.voltage) == pytest.approx([-40.0, 0.0, 24.0], abs=0.1)
     found = facts(measured)
     assert len(found.pulses) == 4 and found.incomplete == 1
+
+
+def test_eddy_currents_of_a_solid_core_are_not_a_current_before_its_voltage():
+    made = imperfect(Condition(eddy=5e-3, dt=20e-6), 30.0, 2, np.random.default_rng(4))
+    said = " ".join(remarks(made, facts(made)))
+    assert "eddy currents of a solid core" in said and "before the voltage" not in said
 
 
 def bench(drive=None, instruments=None):

@@ -12,7 +12,7 @@ from gapsense.scenarios.run_to_run.comparison import SEED, TOGETHER, TUNED_ON, j
 from gapsense.scenarios.run_to_run.conditions import CONDITIONS, LEARNING, samples
 from gapsense.scenarios.run_to_run.cycles import NEVER, Outcome, outcome
 from gapsense.scenarios.run_to_run.loops import loop_of
-from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, quantile, verdicts
+from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, noticed, quantile, verdicts
 
 HELD_OUT = 6
 FEWER = 60  # actuators of the conditions of longer or many rows
@@ -39,6 +39,21 @@ def test_what_must_hold(condition, law):
     outcomes = {(condition, law): found(condition, law, runs)}
     missed = [(v.sentence, v.found, v.bound) for v in verdicts(outcomes) if not v.holds]
     assert not missed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("condition", "law"),
+    [
+        *((name, law) for name in ("rest-step", "damping-step", "offset-step") for law in LEARNING),
+        ("softer", "contact"),
+        ("wrong-20", "model"),
+    ],
+)
+def test_hard_operations_are_told_in_the_next_one_and_soft_ones_are_not(condition, law):
+    """95 of 100 beyond 0.5 m/s, 2 of 1,000 below 0.2 m/s, and none harder than ordinary switching twice in a row."""
+    seen = noticed(found(condition, law, FEWER))
+    assert seen.told >= 0.95 * seen.hard and seen.wrongly <= 2e-3 * seen.soft and seen.twice == 0
 
 
 @pytest.mark.slow

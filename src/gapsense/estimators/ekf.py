@@ -32,7 +32,7 @@ from gapsense.estimators.watch import EARLY, PULL, START, Limits, Seen, Watch, i
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import measured, output, part, ports
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
-from gapsense.kernels.linalg import deviation, diagonal, vector
+from gapsense.kernels.linalg import deviation, diagonal, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
@@ -305,3 +305,26 @@ def physical(estimate: Gaussian, m: Model) -> Estimates:
         current_error_std=deviation(P[CURRENT_ERROR, CURRENT_ERROR]),
         force_error_std=deviation(P[FORCE_ERROR, FORCE_ERROR]) / m.l_z,
     )
+
+
+# For hosts that read arrays.
+
+
+ROWS = ("position", "velocity", "flux_linkage", "current_error", "force_error")
+
+
+class Arrays(NamedTuple):
+    """Covariance of the outputs `ROWS`, in SI units."""
+
+    covariance: Annotated[Array, Covariance(5)]
+
+
+def arrays(state: State, par: Parameters) -> Arrays:
+    """Covariance of the normalised state, scaled on both sides; velocity by (23)."""
+    m = normalised(par)
+
+    def scaled(P: Array) -> Array:
+        speed = (P[POSITION] - P[POSITION_PREV]) * (m.l_z / m.T_s)
+        return matrix([m.l_z * P[POSITION], speed, P[FLUX_LINKAGE], P[CURRENT_ERROR], P[FORCE_ERROR] / m.l_z])
+
+    return Arrays(scaled(scaled(state.P).T))

@@ -11,7 +11,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators import ekf, kinks, readings
-from gapsense.estimators.ekf import Tuning, physical, process_noise, tuning
+from gapsense.estimators.ekf import ROWS as ROWS
+from gapsense.estimators.ekf import Arrays, Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, fix, predict, project, smooth
 from gapsense.estimators.motions import (
     RING,
@@ -94,7 +95,8 @@ class Landing(NamedTuple):
     estimate: Estimate  # at it
     missed: Scalar  # samples from it to the contact; 0: the contact has shown it
     is_doubtful: Scalar  # 1: there may have been an impact before it that nothing has shown
-    free: Scalar  # what it tells of the next one, see `kinks.Verdict`
+    is_told: Scalar  # 1: the current has shown that there was an impact before the contact
+    told: kinks.Told
 
 
 WIDTH = len(names(Sample))
@@ -110,7 +112,7 @@ class State(NamedTuple):
     kink: kinks.Kink
     last: Operation
     is_doubtful: Scalar  # 1: the last landing may not have been the first impact
-    free: Scalar  # what the landings have told of the next one, see `kinks.Verdict`
+    told: kinks.Told
     samples: Annotated[Array, Memory(SIZE)]
 
 
@@ -170,7 +172,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     last = Operation(
         takeoff_time=inputs.time, landing_time=inputs.time, impact_speed=0.0, bounces=0.0, rest_time=inputs.time
     )
-    state = State(filtered, *nothing(inputs.time), kinks.nothing(), last, 0.0, kinks.BEYOND_FREE, zeros(SIZE))
+    state = State(filtered, *nothing(inputs.time), kinks.nothing(), last, 0.0, kinks.untold(), zeros(SIZE))
     return state, Outputs(filter=outputs, smoothed_published=0.0, smoothed_time=inputs.time, smoothed=rest, last=last)
 
 
@@ -185,9 +187,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         sample_time=T_s,
         debounce=par.contact_debounce,
     )
-    now, estimate = follow(state.motion, contact), Estimate(filtered.x, filtered.P)
+    now = follow(state.motion, contact)
     kink = kinks.sought(state.kink, state.motion, inputs.current, state.filter, filtered, m, par.filter)
-    landing = _landing(state, now, kink, contact, estimate, m, par)
+    landing = _landing(state, now, kink, contact, filtered, m, par)
     now, estimate = now._replace(motion=now.motion._replace(count=landing.count)), landing.estimate
     sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
     samples = _stored(state.samples, to_keep(now, contact), sample)
@@ -195,6 +197,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
     samples = _stored(samples, turn, found)
     last = _last(state, now, contact, landing, found, m)
+    told = _told(landing, last, found, Estimate(filtered.x, filtered.P), limit(contact.mode), m)
     outputs = outputs._replace(health=readings.worse(outputs.health, readings.IMPACT, landing.is_doubtful))
     queue, turn, time = to_show(queue, T_s)
     shown = cond(
@@ -208,7 +211,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         kink=kink,
         last=last,
         is_doubtful=landing.is_doubtful,
-        free=landing.free,
+        told=told,
         samples=samples,
     ), Outputs(filter=outputs, smoothed_published=is_published, smoothed_time=time, smoothed=_shown(shown), last=last)
 
@@ -218,32 +221,52 @@ def _measured(inputs: Inputs) -> ekf.Inputs:
 
 
 def _landing(
-    state: State, now: Followed, kink: kinks.Kink, contact: Contact, estimate: Estimate, m: Model, par: Parameters
+    state: State, now: Followed, kink: kinks.Kink, contact: Contact, filtered: ekf.State, m: Model, par: Parameters
 ) -> Landing:
     """The landing of a motion that lands: where the contact says, or at an impact that only the current has shown."""
-    motion = now.motion
+    motion, estimate = now.motion, Estimate(filtered.x, filtered.P)
 
-    def here(is_doubtful: Scalar, free: Scalar) -> Landing:
-        return Landing(count=motion.count, estimate=estimate, missed=0.0, is_doubtful=is_doubtful, free=free)
+    def here(is_doubtful: Scalar, told: kinks.Told) -> Landing:
+        return Landing(
+            count=motion.count, estimate=estimate, missed=0.0, is_doubtful=is_doubtful, is_told=0.0, told=told
+        )
+
+    def kept(count: Scalar) -> Gaussian:
+        return Gaussian(*_loaded(state.samples, motion.place + count).kept)
 
     def judged() -> Landing:
         stop, count = limit(contact.mode), kinks.supposed(kink, motion.count)
-        at = Gaussian(*_loaded(state.samples, motion.place + count).kept)
-        verdict = kinks.judged(kink, at, stop, state.free, m, par.filter)
+        verdict = kinks.judged(kink, kept(count), filtered, stop, state.told, m, par.filter)
         is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)
 
+        def guessed() -> Scalar:
+            before, end = kept(kink.arrival - 1.0), Gaussian(*estimate)
+            return kinks.impacted(motion.count, kink.arrival, before, end, stop, verdict.told, m)
+
         def missed() -> Landing:
+            first = cond(verdict.is_told, lambda: count, guessed)
             return Landing(
-                count=count,
-                estimate=grounded(at, stop),
-                missed=motion.count - count,
+                count=first,
+                estimate=grounded(kept(first), stop),
+                missed=motion.count - first,
                 is_doubtful=is_doubtful,
-                free=verdict.free,
+                is_told=where(verdict.is_told, 1.0, 0.0),
+                told=verdict.told,
             )
 
-        return cond(verdict.is_missed, missed, lambda: here(is_doubtful, verdict.free))
+        return cond(verdict.is_missed, missed, lambda: here(is_doubtful, verdict.told))
 
-    return cond(now.lands & (par.contact_debounce > 0.0), judged, lambda: here(state.is_doubtful, state.free))
+    return cond(now.lands & (par.contact_debounce > 0.0), judged, lambda: here(state.is_doubtful, state.told))
+
+
+def _told(landing: Landing, last: Operation, found: Estimate, end: Estimate, stop: Scalar, m: Model) -> kinks.Told:
+    """What is known of bounces after this sample."""
+    before, after, time = Gaussian(*found), Gaussian(*end), last.rest_time - last.landing_time
+
+    def learnt() -> kinks.Told:
+        return kinks.learnt(landing.told, before, last.impact_speed, time, after, stop, m)
+
+    return cond(landing.is_told > 0.0, learnt, lambda: landing.told)
 
 
 def _last(state: State, now: Followed, contact: Contact, landing: Landing, found: Estimate, m: Model) -> Operation:
@@ -322,3 +345,8 @@ def _loaded(samples: Array, place: Scalar) -> Sample:
 def _shown(estimate: ekf.Estimates) -> Shown:
     """Outputs of an estimate."""
     return Shown(*(getattr(estimate, name.partition("_")[2]) for name in Shown._fields))
+
+
+def arrays(state: State, par: Parameters) -> Arrays:
+    """Those of the filter, for hosts that read arrays."""
+    return ekf.arrays(state.filter, par.filter)

@@ -408,3 +408,21 @@ def _outputs(estimate: Hybrid, innovation: Scalar, innovation_std: Scalar, healt
         innovation_std=innovation_std,
         **health._asdict(),
     )
+
+
+# For hosts that read arrays.
+
+
+ROWS = ("current_estimated", "position", "velocity")
+
+
+class Arrays(NamedTuple):
+    """Covariance of the outputs `ROWS`."""
+
+    covariance: Annotated[Array, Covariance(3)]
+
+
+def arrays(state: State, par: Parameters) -> Arrays:
+    """Covariance of the state."""
+    del par
+    return Arrays(state.P)

@@ -4,6 +4,9 @@ The mover that hits a stop is suddenly slower, or moves back; with it changes th
 the reluctance times the flux linkage times the change of the speed.  A contact that closes only after the bounce says
 nothing of that impact.  Here the kink is looked for in every window of `TAPS` readings, by a fit of two lines that meet
 in the middle; if a motion that lands has one of the right sign and size near its stop, it has landed there.
+
+Such a landing tells the coefficient of restitution.  Where the spring drives the mover the kink is too small, and the
+restitution tells how long before the contact the first impact was.
 """
 
 from __future__ import annotations
@@ -17,22 +20,24 @@ from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.motions import Motion
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
+    FORCE_ERROR,
     POSITION,
     POSITION_PREV,
     Model,
+    acceleration,
     gap_law,
     is_moving,
     magnetic_force,
 )
 from gapsense.kernels.layout import Array, Count, Scalar, Vector
 from gapsense.kernels.linalg import deviation, total, vector
-from gapsense.kernels.trace import cond, fabs, not_, sqrt, square, where
+from gapsense.kernels.trace import clip, cond, fabs, loop, not_, sqrt, square, where
 
 SIDE = 6  # samples on each side of a kink
 TAPS = 2 * SIDE + 1
-CLEAR = 8.0  # standard deviations of a kink that is none of noise
-LEAST = 0.5  # share of the kink of a mover that stops dead
-SEEN = 0.7  # share that would be clear where none has been: then there was no bounce
+CLEAR = 4.5  # standard deviations of a kink that is none of noise
+SURE = 2.0  # the same beyond that with which a kink is not missed
+SHARES = 0.5, 3.0  # least and largest one of the kink of a mover that stops dead
 ROUGH = 2.0, 0.3  # what the readings may be off the two lines: in deviations of the noise, in kinks
 NEAR = 0.5  # largest distance from the stop, in strokes, of an estimate whose kink is an impact on it
 UNSURE = 0.2  # least standard deviation of the position, in strokes: that of the filter may be too small
@@ -40,8 +45,14 @@ PULLED = 0.5  # least magnetic force on the stop, in those of the spring, with w
 BEYOND_PULLED = 2.0  # deviations by which the estimate may pass the stop before the contact closes
 BEYOND_FREE = 0.8  # the same where the spring drives the mover, as long as the current has told nothing of bounces
 BEYOND_STILL, BEYOND_BOUNCING = 1.2, 0.2  # the same after a landing where it has told that there was none, or one
+BY_BOUNCE = 0.8  # weight of the time that bounces take, against that at which the estimate was on the stop
+APART = 0.15  # most that the mover may move between these two times, in strokes
+FARTHEST = 64  # the same in samples
+MOST = 0.9  # largest restitution that is learnt
+NEWEST = 0.5  # weight of the newest restitution
 
-_LINES = np.array([np.ones(TAPS), np.arange(SIDE, -SIDE - 1.0, -1.0), np.arange(SIDE, -SIDE - 1.0, -1.0).clip(0.0)]).T
+_TIMES = np.arange(SIDE, -SIDE - 1.0, -1.0)
+_LINES = np.array([np.ones(TAPS), _TIMES, _TIMES.clip(0.0)]).T
 KINK = np.linalg.pinv(_LINES)[2].tolist()  # weights of the readings, newest first
 BASIS = np.linalg.qr(_LINES)[0].T.tolist()  # of all pairs of lines
 SPREAD = float(np.linalg.norm(KINK))  # deviation of the kink in those of a reading
@@ -59,12 +70,28 @@ class Kink(NamedTuple):
     was_steady: Scalar  # 1: since it first would have, a kink could be seen
 
 
+class Told(NamedTuple):
+    """What the landings so far have told of the next one that the spring drives."""
+
+    free: Scalar  # deviations by which the estimate may pass the stop in it
+    restitution: Scalar  # speed after an impact over that before it; 0: not known
+
+
 class Verdict(NamedTuple):
     """What a landing turns out to be."""
 
     is_missed: Scalar  # there was an impact before it
+    is_told: Scalar  # the current has shown that
     is_doubtful: Scalar  # there may have been one
-    free: Scalar  # deviations by which the estimate may pass the stop in the next one that the spring drives
+    told: Told
+
+
+class Settling(NamedTuple):
+    """A mover that comes to rest on its stop in ever smaller bounces, normalised."""
+
+    speed: Scalar  # before the first impact [1/s]
+    pull: Scalar  # acceleration onto the stop [1/s^2]
+    drag: Scalar  # rate at which damping takes speed away [1/s]
 
 
 def nothing() -> Kink:
@@ -72,6 +99,11 @@ def nothing() -> Kink:
     return Kink(
         currents=vector([0.0] * TAPS), steady=0.0, size=0.0, flight=0.0, arrival=0.0, beyond=0.0, was_steady=1.0
     )
+
+
+def untold() -> Told:
+    """Nothing."""
+    return Told(free=BEYOND_FREE, restitution=0.0)
 
 
 def sought(
@@ -84,14 +116,15 @@ def sought(
 
     def flying() -> Kink:
         z, z_prev, lam = (now.x[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
-        noise = par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
+        noise = noisy(now, par)
         jump = m.T_s * (now.voltage - before.voltage) * shifted[0]  # of the current's slope, times the flux linkage
         is_steady = is_read & (fabs(jump) <= SPREAD * noise * fabs(lam))
         steady = where(is_steady, kink.steady + 1.0, 0.0)
         can_see = (steady >= TAPS) & (motion.count >= TAPS)
         slope = total(w * i for w, i in zip(KINK, shifted))
         size = where(lam * (z - z_prev) < 0.0, slope, -slope)
-        is_large = can_see & (size > kink.size) & (size >= CLEAR * SPREAD * noise)
+        is_near = fabs(z - motion.stop) >= 1.0 - NEAR
+        is_large = can_see & is_near & (size > kink.size) & (size >= CLEAR * SPREAD * noise)
         is_clear = cond(is_large, lambda: _is_two_lines(shifted, size, noise), lambda: False)
         passes = is_moving(now.mode) & (fabs(z - motion.stop) >= 1.0)
         std = deviation(now.P[POSITION, POSITION])
@@ -109,6 +142,16 @@ def sought(
     return cond(is_moving(before.mode), flying, nothing)
 
 
+def noisy(now: ekf.State, par: ekf.Parameters) -> Scalar:
+    """Standard deviation of the readings [A]: that told, or more where the innovations are larger than expected.
+
+    Their expected variance is at most r^2 + r q + q^2, where e_i walks by q between two readings with noise r.
+    """
+    r, q = par.noise_current, par.process_current_error
+    more = where(now.watch.surprise > 1.0, now.watch.surprise - 1.0, 0.0)
+    return sqrt(square(r) + more * (square(r) + r * q + square(q)))
+
+
 def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
     """Whether the readings are near two lines: those with one wild among them are not."""
     off = [i - currents[SIDE] for i in currents]
@@ -121,8 +164,62 @@ def supposed(kink: Kink, count: Scalar) -> Scalar:
     return where(kink.size > 0.0, kink.flight, where(kink.arrival > 0.0, kink.arrival, count - 1.0))
 
 
-def judged(kink: Kink, at: Gaussian, stop: Scalar, free: Scalar, m: Model, par: ekf.Parameters) -> Verdict:
-    """A landing on `stop`; `at` is the estimate at the supposed impact, `free` what the landings before it have told.
+def settling(before: Gaussian, speed: Scalar, end: Gaussian, stop: Scalar, m: Model) -> Settling:
+    """From the estimates before the first impact and at the end, with the mean of the magnetic forces there."""
+    lam = sqrt(0.5 * (square(before.mean[FLUX_LINKAGE]) + square(end.mean[FLUX_LINKAGE])))
+    force = magnetic_force(gap_law(stop, m)[1], lam) + before.mean[FORCE_ERROR]
+    return Settling(speed=speed, pull=fabs(acceleration(stop, 0.0, force, m)), drag=m.c_f / m.m)
+
+
+def duration(settled: Settling, e: Scalar) -> Scalar:
+    """Time of all bounces [s], 2 v (e + e^2 + ...) / a, with a restitution e; damping adds to a in the first flight."""
+    pull = settled.pull + 0.5 * settled.drag * settled.speed * e
+    return 2.0 * settled.speed * e / ((1.0 - e) * pull)
+
+
+def restitution(settled: Settling, time: Scalar) -> Scalar:
+    """Coefficient of restitution of a mover whose bounces have taken a time [s]: the inverse of `duration`."""
+    e = _restitution(settled, settled.pull, time)
+    return _restitution(settled, settled.pull + 0.5 * settled.drag * settled.speed * e, time)
+
+
+def _restitution(settled: Settling, pull: Scalar, time: Scalar) -> Scalar:
+    return time * pull / (2.0 * settled.speed + time * pull)
+
+
+def learnt(told: Told, before: Gaussian, speed: Scalar, time: Scalar, end: Gaussian, stop: Scalar, m: Model) -> Told:
+    """With the bounces of a landing that the current has told: the speed before them [m/s], and their time [s]."""
+    e = clip(restitution(settling(before, speed / m.l_z, end, stop, m), time), 0.0, MOST)
+    return told._replace(
+        restitution=where(told.restitution > 0.0, told.restitution + NEWEST * (e - told.restitution), e)
+    )
+
+
+def impacted(
+    count: Scalar, first: Scalar, before: Gaussian, end: Gaussian, stop: Scalar, told: Told, m: Model
+) -> Scalar:
+    """Samples of a motion of `count` before an impact that the current does not show.
+
+    The estimate was on the stop after `first` samples.  A mover that bounces as it did where the current has told it
+    needs a time until its contact closes.  If that says something else altogether, this stop is another one.
+    """
+    settled = settling(before, fabs(before.mean[POSITION] - before.mean[POSITION_PREV]) / m.T_s, end, stop, m)
+    later = count - duration(settled, told.restitution) / m.T_s - first
+    is_alike = (told.restitution > 0.0) & (fabs(later) * settled.speed * m.T_s <= APART)
+    target = where(is_alike, clip(first + BY_BOUNCE * later, 1.0, count - 1.0), first)
+
+    def nearer(at: Scalar) -> tuple[tuple[Scalar], Scalar]:
+        step = where(target > at + 0.5, 1.0, where(target < at - 0.5, -1.0, 0.0))
+        return (at + step,), step == 0.0
+
+    (at,) = loop(FARTHEST, nearer, (first,))  # counted, since it is a place in memory
+    return at
+
+
+def judged(
+    kink: Kink, at: Gaussian, now: ekf.State, stop: Scalar, told: Told, m: Model, par: ekf.Parameters
+) -> Verdict:
+    """A landing on `stop`; `at` is the estimate at the supposed impact, `told` what the landings before it have told.
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
     error: if the estimate was on the stop well before the contact, so was the mover.  How well depends on whether the
@@ -132,18 +229,21 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, free: Scalar, m: Model, par: 
     z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
     slope = gap_law(stop, m)[1]
     dead = fabs(slope * lam * (z - z_prev))
-    is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
-    is_told = is_kinked & (fabs(z - stop) <= NEAR)
+    is_told = (kink.size > 0.0) & (kink.size >= SHARES[0] * dead) & (kink.size <= SHARES[1] * dead)
     is_sprung = fabs(magnetic_force(slope, lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
     is_free = is_sprung & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
-    clear = CLEAR * SPREAD * par.noise_current
-    would_show = (kink.was_steady > 0.5) & (LEAST * dead >= clear)
-    is_beyond = not_(would_show) & (kink.beyond >= where(is_free, free, BEYOND_PULLED))
-    is_likely = (free <= BEYOND_BOUNCING) | (kink.beyond >= BEYOND_PULLED)
-    is_guessed = (kink.size == 0.0) & is_beyond & is_free & is_likely
-    is_still = (kink.was_steady > 0.5) & (SEEN * dead >= clear) & (kink.size == 0.0)
+    sure = (CLEAR + SURE) * SPREAD * noisy(now, par)
+    would_show = (kink.was_steady > 0.5) & (SHARES[0] * dead >= sure)
+    is_beyond = not_(would_show) & (kink.beyond >= where(is_free, told.free, BEYOND_PULLED))
+    is_likely = (told.free <= BEYOND_BOUNCING) | (kink.beyond >= BEYOND_PULLED)
+    is_guessed = not_(is_told) & is_beyond & is_free & is_likely
+    is_still = would_show & (kink.size == 0.0)
     return Verdict(
         is_missed=is_told | is_guessed,
-        is_doubtful=not_(is_told) & (is_kinked | is_beyond),
-        free=where(is_told, BEYOND_BOUNCING, where(is_still, BEYOND_STILL, free)),
+        is_told=is_told,
+        is_doubtful=not_(is_told) & is_beyond,
+        told=Told(
+            free=where(is_told, BEYOND_BOUNCING, where(is_still, BEYOND_STILL, told.free)),
+            restitution=where(is_still, 0.0, told.restitution),
+        ),
     )

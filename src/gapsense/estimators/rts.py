@@ -97,15 +97,19 @@ def smooth_record(
     filtered, held = [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
     smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
     operations: list[Operation] = []
-    free = kinks.BEYOND_FREE
+    told = kinks.untold()
     for first, end, kind in _moving(q, debounce / T_s):
         if kind == MOTION:
-            landed, later = end, filtered[end]
+            landed, later, is_told = end, filtered[end], False
             if debounce > 0.0:
-                landed, later, free = _landing(first, end, rows, states, free, par)
+                landed, later, is_told, told = _landing(first, end, rows, states, told, par)
             for k in range(landed - 1, first - 1, -1):
                 smoothed[k] = later = _backward()(filtered[k], held[k], later, par)
             operations.append(_operation(first, landed, end, smoothed[landed - 1], limit(q[end]), par))
+            if is_told:
+                told = _learnt(
+                    told, operations[-1], _gaussian(smoothed[landed - 1]), _gaussian(filtered[end]), limit(q[end]), par
+                )
         elif operations and kind == BOUNCE:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
     return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
@@ -130,20 +134,46 @@ def _operation(
 
 
 def _landing(
-    first: int, end: int, rows: list[tuple[float, ...]], states: list[tuple[float, ...]], free: float, par: Parameters
-) -> tuple[int, tuple[float, ...], float]:
-    """Sample of the landing, at an impact that the contact has missed or at `end`, its estimate, and `Verdict.free`."""
+    first: int,
+    end: int,
+    rows: list[tuple[float, ...]],
+    states: list[tuple[float, ...]],
+    told: kinks.Told,
+    par: Parameters,
+) -> tuple[int, tuple[float, ...], bool, kinks.Told]:
+    """Sample of the landing, at an impact that the contact has missed or at `end`, and its estimate.
+
+    Also whether the current has told it, and what is told of the next one.
+    """
     kink, stop = tuple(flat(kinks.nothing())), limit(states[end][names(ekf.State).index("mode")])
     for k in range(first + 1, end + 1):
         motion = Motion(place=0.0, count=float(k - first), start=0.0, stop=1.0 - stop, contact=0.0)
         kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
     found: kinks.Kink = record(kinks.Kink, kink)
-    at = first + int(kinks.supposed(found, float(end - first)))
-    estimate: Estimate = record(Estimate, states[at][: len(names(Estimate))])
-    verdict = kinks.judged(found, Gaussian(*estimate), stop, free, normalised(par), par)
+    count, m = kinks.supposed(found, float(end - first)), normalised(par)
+    now: ekf.State = record(ekf.State, states[end])
+    verdict = kinks.judged(found, _gaussian(states[first + int(count)]), now, stop, told, m, par)
     if not verdict.is_missed:
-        return end, states[end][: len(names(Estimate))], verdict.free
-    return at, tuple(flat(grounded(Gaussian(*estimate), stop))), verdict.free
+        return end, states[end][: len(names(Estimate))], False, verdict.told
+    if not verdict.is_told:
+        before = _gaussian(states[first + int(found.arrival) - 1])
+        count = kinks.impacted(float(end - first), found.arrival, before, _gaussian(states[end]), stop, verdict.told, m)
+    at = first + int(count)
+    return at, tuple(flat(grounded(_gaussian(states[at]), stop))), bool(verdict.is_told), verdict.told
+
+
+def _learnt(
+    told: kinks.Told, last: Operation, before: Gaussian, end: Gaussian, stop: float, par: Parameters
+) -> kinks.Told:
+    """With the bounces of an operation; `before` is its last smoothed estimate."""
+    time = last.rest_time - last.landing_time
+    return kinks.learnt(told, before, last.impact_speed, time, end, stop, normalised(par))
+
+
+def _gaussian(state: tuple[float, ...]) -> Gaussian:
+    """Of what a state begins with."""
+    estimate: Estimate = record(Estimate, state[: len(names(Estimate))])
+    return Gaussian(*estimate)
 
 
 def motions(mode: ArrayLike, debounce: float = 0.0) -> list[tuple[int, int]]:

@@ -265,3 +265,21 @@ def _outputs(i: Scalar, par: Parameters, r: Scalar, l: Scalar, P: Array, form: F
         health=1.0,
         health_causes=0.0,
     )
+
+
+# For hosts that read arrays.
+
+
+ROWS = ("resistance", "inductance")
+
+
+class Arrays(NamedTuple):
+    """Covariance of the outputs `ROWS` that the filter expects at the next sample."""
+
+    predicted_covariance: Annotated[Array, Covariance(2)]
+
+
+def arrays(state: State, par: Parameters) -> Arrays:
+    """Covariance that the filter carries to the next sample."""
+    del par
+    return Arrays(state.P[:2, :2])

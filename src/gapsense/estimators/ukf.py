@@ -351,3 +351,25 @@ def _outputs(
 
 def _is_finite(value: Scalar) -> Scalar:
     return value - value == 0.0
+
+
+# For hosts that read arrays.
+
+
+ROWS = ("position", "velocity", "flux_linkage", "current_error")
+
+
+class Arrays(NamedTuple):
+    """Covariance of the outputs `ROWS`."""
+
+    covariance: Annotated[Array, Covariance(4)]
+
+
+def arrays(state: State, par: Parameters) -> Arrays:
+    """Covariance of the state, with the velocity in place of the previous position."""
+
+    def shown(P: Array) -> Array:
+        velocity = (P[POSITION] - P[POSITION_PREV]) / par.sample_time
+        return matrix([P[POSITION], velocity, P[FLUX_LINKAGE], P[CURRENT_ERROR]])
+
+    return Arrays(shown(shown(state.P).T))

@@ -15,6 +15,11 @@ Matrix = npt.NDArray[np.float64]
 ON = 0.25  # of the largest voltage: what is more is on, also pulses of less height
 LEVEL = 0.01  # of the range of the current, by which its end is found
 LONGEST = 50  # samples over which the noise of a current that ends is averaged
+PLACE = "place."  # begins the name of a cause that is about one edge of the voltage: `place.RECORD.SAMPLE`
+JUMP, STEEP = 0.25, 0.1  # of the range of the voltage: what is an edge, and a change between two samples of it
+BESIDE = 3  # samples before and after an edge that go with it, and with no other one
+MOST = 60  # edges whose places are sought
+ANYWHERE = 0.5  # standard deviation of the place of an edge, in samples, before anything is known
 
 
 class Signals(NamedTuple):
@@ -24,6 +29,7 @@ class Signals(NamedTuple):
     current: Vector  # [A]
     dt: float  # sampling period [s]
     resistance: float  # of the coil, about [Ohm]
+    first: int = 0  # sample of the record with which it begins
 
 
 class Cause(NamedTuple):
@@ -40,8 +46,55 @@ class Cause(NamedTuple):
 def apply_causes(s: Signals, values: Mapping[str, float]) -> Signals:
     """The signals that the model is to explain, if the causes have these values."""
     for name, value in values.items():
-        s = {**CAUSES, **HIDDEN}[name].change(s, value)
+        s = cause(name).change(s, value)
     return s
+
+
+def cause(name: str) -> Cause:
+    """The cause of that name, which may be about one edge."""
+    if not is_place(name):
+        return {**CAUSES, **HIDDEN}[name]
+    sample = int(name.rpartition(".")[2])
+    said = "an edge that comes later, in samples, by"
+    return Cause("1", _one, lambda s, x: displaced(s, sample, x), said, small=0.01)
+
+
+def is_place(name: str) -> bool:
+    """Whether a cause is about one edge."""
+    return name.startswith(PLACE)
+
+
+def of_record(values: Mapping[str, float], number: int) -> dict[str, float]:
+    """What of the values of causes concerns the record of that number."""
+    return {name: x for name, x in values.items() if not is_place(name) or name.startswith(f"{PLACE}{number}.")}
+
+
+def edges(voltage: Vector) -> list[int]:
+    """The sample after each edge of a voltage, none if they follow each other too fast; the end of a clamp is none.
+
+    Where a clamp ends the current tells, see `halves`.
+    """
+    steps, size = np.diff(voltage), float(np.ptp(voltage))
+    least, found = STEEP * size, list[int]()
+    for a, b in true_runs(np.abs(steps) > max(least, SIGMAS * noise(voltage))):
+        change, before = float(steps[a:b].sum()), float(voltage[a])
+        if abs(change) > JUMP * size and not (before < -least and change > 0.0 and abs(before + change) < least):
+            found.append(a + 1 + int(np.argmax(np.abs(steps[a:b]))))
+    apart = np.diff([-BESIDE, *found])
+    return found if len(found) <= MOST and bool(np.all(apart > 2 * BESIDE)) else []
+
+
+def displaced(s: Signals, sample: int, later: float) -> Signals:
+    """The edge before a sample of the record comes later by so many samples, with the volt-seconds that it brings."""
+    k = sample - s.first
+    if not 0 < k < len(s.halves):
+        return s
+    at = slice(max(k - BESIDE, 1), k + BESIDE + 1)
+    sums = np.cumsum(np.pad(s.halves[at].reshape(-1), 2 * BESIDE, mode="edge"))
+    places = np.arange(sums.size)
+    moved, halves = np.interp(places - 2.0 * later, places, sums), s.halves.copy()
+    halves[at] = np.diff(moved)[2 * BESIDE - 1 : 1 - 2 * BESIDE - 1].reshape(-1, 2)
+    return s._replace(halves=halves)
 
 
 def delayed(s: Signals, value: float) -> Signals:

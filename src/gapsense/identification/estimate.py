@@ -198,6 +198,7 @@ FAR = {
 }  # relative to what the record tells, RMS; a warm coil has 0.1
 FLOWS = 0.1  # of the largest current: less is none
 HEALTHY = 0.5  # part of the samples
+INNOVATION = 10.0  # times the noise: more is left by a model that is another one
 
 
 class Truth(NamedTuple):
@@ -259,6 +260,13 @@ def _wrong(told: Truth, estimate: Estimate) -> Iterator[str]:
     off = unexplained(told, estimate)
     if off > FAR["current"]:
         yield f"its model leaves {_percent(off)} of the current unexplained in the last operation"
+    if "windows" in outputs and told.resistance is not None and float(outputs["windows"][-1]) == 0.0:
+        off = rms(outputs["innovation"][at])
+        if off > INNOVATION * told.noise:
+            yield (
+                f"it has not solved one window, so that it has learnt nothing, and its innovation is"
+                f" {off / max(told.noise, 1e-300):.2g} times the noise, whatever its `health` says"
+            )
     if "flux_linkage" not in outputs and _healthy(told, estimate) < HEALTHY:
         yield "its `health` is 0 most of the time in the last operation"
 

@@ -18,14 +18,16 @@ from gapsense.identification.coil.show import coil_errors, coil_tables, write_co
 from gapsense.identification.gap_law.laws import Law
 from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
-from gapsense.identification.measurements.record import Reading, Record, between, part
+from gapsense.identification.measurements.record import Reading, Record, between, memory, part
 from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
+from gapsense.identification.parameter_set import parameters_of
 from gapsense.identification.residual import noises
-from gapsense.identification.show import measured_and_model
+from gapsense.identification.scale import scaled
+from gapsense.identification.show import measured_and_model, untold
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
 from gapsense.identification.valve.driver import Driver, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
-from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, plain
+from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, needed, plain
 from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, find_gap, keep_law
 from gapsense.identification.valve.model import check_guess, take_out_causes
 from gapsense.identification.valve.show import (
@@ -79,6 +81,7 @@ def split_names(texts: Sequence[str]) -> list[str]:
 TABLE_I = "[SEMERA] Table I"
 HOLD = " (in place of `gap.slope` also `coil.turns`, with `--hold coil.turns`)"
 TITLE = "Measured and identified"
+SHARP = tuple(name for name in CONVENTIONS if name != "filtered")
 LAW = Law("sought", 0.0, ())
 
 
@@ -144,7 +147,7 @@ def read(
         sought=seeking,
         records=[record._replace(drive=drive.values) for record in records],
         kept=read_records(validate, how, needs="rest"),
-        conventions=CONVENTIONS if is_open else (),
+        conventions=CONVENTIONS if is_open and any(memory(record.voltage) for record in records) else SHARP * is_open,
         convention=how.convention,
         sources=data,
         file=parameters,
@@ -221,7 +224,7 @@ def identify(given: Given, to: Path, starts: int, seed: int, progress: Progress)
     if given.model == "solenoid_valve":
         given.ask()
     par, period, open_ = given.known.parameters, given.period, given.conventions
-    coil, told = coil_of(given.model, given.records, par, period, open_, progress)
+    coil, told = coil_of(given.model, given.records, par, period, open_[: len(SHARP)], progress)
     if coil is not None:
         return finish_coil(given, coil, told, to)
     given.ask()
@@ -239,13 +242,18 @@ def finish_valve(given: Given, start: Gap, result: Identified, told: Sequence[st
     kept = [between(record._replace(drive=result.drive), convention) for record in given.kept]
     checks = validate_valve(result.parameters, kept, coefficient)
     notes = [*driver_notes(result.drive), *temperature_notes(R, coefficient)]
-    write_valve(to, result, keep_law(given.known, result, to), given.sources, noises(records), notes)
+    tuning = {**noises(records), **scaled(records, result.models, result.residuals, parameters_of("mhe", None))}
+    write_valve(to, result, keep_law(given.known, result, to), given.sources, tuning, notes)
     doubts = doubt_resistance(R, given.known.resistance)
+    is_sound = result.is_explained and not doubts
+    stops = [PORTS[field].name for field in needed(result.form) if field not in result.assumed]
+    said = untold(stops, given.drive.accuracy, " `--accuracy` puts what is known of them into the errors.")
+    doubts = [*doubts, *([said] if said else [])]
     tables = [*start.told, *valve_tables(result, records, checks), *describe_gap(result, records)]
     return Finished(
         shown=[*tables, *temperature_tables(records, R, coefficient), *doubts, *told],
         figure=lambda: measured_and_model(TITLE, [*zip(records, result.models)], checks),
-        passed=result.is_explained and not doubts,
+        passed=is_sound,
         standard_errors=valve_errors(result),
     )
 
@@ -256,8 +264,9 @@ def finish_coil(given: Given, result: Coil, told: Sequence[str], to: Path) -> Fi
     checks = [validate_coil(result, record) for record in kept]
     turns = given.known.parameters.coil_turns if "coil_turns" in given.known.given else 0.0
     write_coil(to, result, turns, given.sources)
+    said = untold((), given.drive.accuracy)
     return Finished(
-        shown=[*coil_tables(result, turns, checks), *told],
+        shown=[*coil_tables(result, turns, checks), *([said] if said else []), *told],
         figure=lambda: measured_and_model(TITLE, [*zip(result.records, result.models)], checks, shows_flux=True),
         passed=result.is_explained,
         standard_errors=coil_errors(result, turns),

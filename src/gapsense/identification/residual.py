@@ -27,9 +27,10 @@ AFTER = 4  # samples after a jump of the voltage that count as its edge
 MAINS, PERIODS, HUMS = (50.0, 60.0), 2.0, 0.25  # Hz; that a record needs; part of the squares that is no chance
 CAUSES = {
     "edges": "what the voltage is between two samples (`--voltage`), or too few samples",
-    "motion": "the mechanics, the law of the gap, or core losses, which this model does not have",
-    "hold": "a voltage that is not the coil's (drops of the driver, a supply that sags, PWM sampled in step), or a coil"
-    " that gets warm",
+    "motion": "the mechanics, the law of the gap, or core losses or a saturation that this model does not have: see"
+    " `gapsense commission`",
+    "hold": "a voltage that is not the coil's (drops of the driver, a supply that sags, PWM sampled in step), a coil"
+    " that gets warm, or a core that saturates otherwise (`gapsense commission`)",
     "decay": "core losses, which this model does not have, or a drop in the path of the falling current",
     "rest": "an offset of the current",
 }
@@ -128,11 +129,15 @@ def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, st
 
 def cause(found: Residual, causes: Mapping[str, str] = CAUSES) -> str:
     """What has usually gone wrong where such a residual is left."""
-    frequency = max(found.hum, key=lambda f: found.hum[f], default=0.0)
-    if frequency and found.hum[frequency] > HUMS:
-        part = 100.0 * found.hum[frequency]
-        return f"{part:.0f} % of it goes with {frequency:g} Hz: the usual cause is hum of the mains"
+    if said := hums([found]):
+        return f"{said}: the usual cause is hum of the mains"
     return f"the usual cause is {causes[found.worst]}"
+
+
+def hums(found: Sequence[Residual]) -> str:
+    """How much of what is left of some records goes with a frequency of the mains; empty, if that may be chance."""
+    part, frequency = max(((part, f) for r in found for f, part in r.hum.items()), default=(0.0, 0.0))
+    return f"{100.0 * part:.0f} % of it goes with {frequency:g} Hz" if part > HUMS else ""
 
 
 LEAST = 1e-3  # of the largest value: with less, an estimator takes what its model leaves for a fault

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import platform
 import re
 import stat
-import sys
 import zipfile
 import zlib
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from xml.parsers import expat
 
-SHORT, SYSTEM, ENDING = {"win32": ("win", "windows", ".dll"), "darwin": ("darwin", "darwin", ".dylib")}.get(
-    sys.platform, ("linux", "linux", ".so")
-)
-BITS = 64 if sys.maxsize > 2**32 else 32
-ARM = "aarch64" if platform.machine().lower() in ("aarch64", "arm64") else ""
-FOLDERS = {2: f"{SHORT}{BITS}", 3: f"{ARM or ('x86_64' if BITS == 64 else 'x86')}-{SYSTEM}"}  # by the version of FMI
 DESCRIPTION = "modelDescription.xml"
 MOST_MEMBERS = 50_000
 LARGEST_CONTENT = 4 * 10**9  # bytes, unpacked
@@ -36,11 +28,6 @@ UNTRUSTED = "Do not use this file unless you trust its source; ask there for a c
 
 class UnusableError(ValueError):
     """Why an FMU cannot be used, in sentences, the last of which says what to do."""
-
-
-def path_in(fmi: int, identifier: str) -> str:
-    """Path of a library in an FMU."""
-    return f"binaries/{FOLDERS[fmi]}/{identifier}{ENDING}"
 
 
 def printable(text: str) -> str:

@@ -26,7 +26,7 @@ from xml.etree.ElementTree import Element, fromstring, tostring
 from gapsense._os.checked import fingerprint
 from gapsense._os.files import sha256, state
 from gapsense._os.locks import FACTS, cache_folder
-from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, path_in, read_description, refuse_identifier, shown
+from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
 from gapsense.fmi import ports
 from gapsense.fmi.ports import Component, Limit, Port
 from gapsense.fmi.values import KINDS, ValuesError, fields
@@ -51,6 +51,12 @@ PLACES = (  # of FMI 2.0 and of FMI 3.0
     "VendorAnnotations/Tool[@name='Gapsense']/Rules",
     "Annotations/Annotation[@type='gapsense.rules']/Rules",
 )
+SHORT, SYSTEM, ENDING = {"win32": ("win", "windows", ".dll"), "darwin": ("darwin", "darwin", ".dylib")}.get(
+    sys.platform, ("linux", "linux", ".so")
+)
+BITS = 64 if sys.maxsize > 2**32 else 32
+ARM = "aarch64" if platform.machine().lower() in ("aarch64", "arm64") else ""
+FOLDERS = {2: f"{SHORT}{BITS}", 3: f"{ARM or ('x86_64' if BITS == 64 else 'x86')}-{SYSTEM}"}  # by the version of FMI
 HIGHEST_POWER = 9
 PARAMETERS = ("parameter", "calculatedParameter")
 NOT_REAL = ("Integer", "Boolean", "String", "Enumeration")
@@ -407,6 +413,11 @@ def read_model(text: bytes) -> Any:
     with zipfile.ZipFile(alone, "w") as archive:
         archive.writestr(DESCRIPTION, text)
     return fmpy.read_model_description(alone)
+
+
+def path_in(fmi: int, identifier: str) -> str:
+    """Path of a library in an FMU."""
+    return f"binaries/{FOLDERS[fmi]}/{identifier}{ENDING}"
 
 
 def refuse_unusable(model: Any, members: list[str]) -> None:

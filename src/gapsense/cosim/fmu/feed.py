@@ -14,7 +14,7 @@ from gapsense.cosim.check import value_problem
 from gapsense.cosim.fmu.descriptions import describe
 from gapsense.cosim.fmu.instance import instance_of, unpacked
 from gapsense.cosim.run.loop.compiled import advancer
-from gapsense.cosim.run.part import Layout, Part, Player, Work, part_of
+from gapsense.cosim.run.part import Layout, Part, Player, Work
 from gapsense.cosim.run.recording import Recording, new_marks
 from gapsense.cosim.scenario.records import Component, Experiment, Port, ports
 from gapsense.problems import ScenarioError
@@ -50,7 +50,7 @@ def feed(
         stack.callback(instance.close)
         instance.initialize(values, start, start + (len(samples) - 1) * step)
         buffer = array("d", [float(variable.start or 0.0) for variable in layout.variables.values()])
-        part = part_of(Component(name, fmu.stem), instance, buffer, layout, {})
+        part = Part(Component(name, fmu.stem), instance, buffer, layout, {})
         rows = run(part, [layout.index[Port(name, n)] for n in inputs], samples, start, step)
         instance.call("fmi2Terminate")
     return {port.variable: rows[:, j].copy() for j, port in enumerate(part.outputs)}

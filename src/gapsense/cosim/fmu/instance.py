@@ -15,14 +15,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from ctypes import c_bool, c_char_p, c_int, c_size_t, c_void_p
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense._os.files import sha256
 from gapsense._os.locks import temporary_folder as locked_folder
-from gapsense.cosim.fmu.archive import FOLDERS, path_in
-from gapsense.cosim.fmu.descriptions import Description, Variable
+from gapsense.cosim.fmu.descriptions import FOLDERS, Description, Variable, path_in
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -311,7 +310,7 @@ class Instance:
         entry, pointer = self.function(self.accessor(action, variables[0])), self.pointer
         references = referring(variables)
         arguments = (references, ctypes.c_size_t(len(references)), values, *self.after(len(variables)))
-        return lambda: entry(pointer, *arguments)
+        return partial(entry, pointer, *arguments)
 
     def after(self, _: int) -> tuple[Any, ...]:
         """Arguments of an accessor after the values, of which there are so many."""

@@ -104,20 +104,7 @@ class RemoteInstance(Instance):
 
     def function(self, name: str) -> Callable[..., int]:
         """What stands for an entry point here; only those that the master calls itself."""
-        named: dict[str, Callable[..., int]] = {SET: self.set_inputs, GET: self.get_outputs}
-        return named.get(name, lambda _: self.request("call", name)[0])
-
-    def set_inputs(self, _: Any, references: Any, count: ctypes.c_size_t, values: Any) -> int:
-        """Leave the inputs where the next request finds them."""
-        ctypes.memmove(self.memory.inputs, values, 8 * count.value)
-        self.is_set = True
-        return 0
-
-    def get_outputs(self, _: Any, references: Any, count: ctypes.c_size_t, values: Any) -> int:
-        """Take the outputs from where the last step left them, or ask for them."""
-        status = 0 if self.is_read else self.request(GET)[0]
-        ctypes.memmove(values, self.memory.outputs, 8 * count.value)
-        return status
+        return lambda _: self.request("call", name)[0]
 
     def entry(self, function: str) -> str:
         """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
@@ -133,7 +120,21 @@ class RemoteInstance(Instance):
 
     def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
         """Function that gets or sets the values of variables of one type, an array, and returns the status."""
-        names = [variable.name for variable in variables]
+        names, size = [variable.name for variable in variables], ctypes.sizeof(values)
+        shared = {name: self.description.of(c) for name, c in (("Set", "input"), ("Get", "output"))}[action]
+
+        def give() -> int:  # to where the next request finds the inputs
+            ctypes.memmove(self.memory.inputs, values, size)
+            self.is_set = True
+            return 0
+
+        def take() -> int:  # from where the last step left the outputs, or ask for them
+            status = 0 if self.is_read else self.request(GET)[0]
+            ctypes.memmove(values, self.memory.outputs, size)
+            return status
+
+        if self.has_only_reals and names == [variable.name for variable in shared]:
+            return give if action == "Set" else take
 
         def move() -> int:
             status, answer = self.request("move", [action, names, plain(values)])

@@ -18,7 +18,7 @@ from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, inst
 from gapsense.cosim.fmu.remote import RemoteInstance
 from gapsense.cosim.run.events import Director, explained
 from gapsense.cosim.run.loop.compiled import advancer, language
-from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, part_of, place, player
+from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, place, player
 from gapsense.cosim.run.recording import (
     COMPONENT,
     ENDING,
@@ -86,7 +86,7 @@ class Master:
         """Instantiate the components in execution order, wire them."""
         for name in self.each(LOADING, self.order.names):
             component, instance = self.scenario.components[name], self.instance(name)
-            self.parts.append(part_of(component, instance, self.buffer, self.places, self.texts))
+            self.parts.append(Part(component, instance, self.buffer, self.places, self.texts))
         for part in self.parts:
             for connection in self.scenario.connections:
                 if connection.target.component == part.component.name:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
@@ -88,16 +88,6 @@ class Layout:
         return self.texts[port] if port in self.texts else self.variables[port]
 
 
-class Exchange(NamedTuple):
-    """One call that moves Real values, with its arguments ready as ctypes objects."""
-
-    function: str  # that an error names; empty where there are no values to move
-    entry: Callable[..., int]
-    references: Any
-    values: Any
-    arguments: tuple[Any, ...]
-
-
 @dataclass(frozen=True)
 class Effect:
     """`factor * value + bias`, or without a factor `bias` whatever the value is."""
@@ -135,172 +125,26 @@ class Stage:
         self.source, self.converts, self.factor, self.bias = saved
 
 
-def nothing(*_: object) -> int:
-    """Stands for the entry point where there are no values to move."""
-    return 0
-
-
-class Part:
-    """One component of a run: connections into it, exchange with the buffer, and its step."""
-
-    def __init__(self, component: Component, instance: Instance, buffer: array[float], places: Layout) -> None:
-        self.component, self.instance, self.buffer, self.places = component, instance, buffer, places
-        self.outputs = places.of(component.name, "output")
-        self.plain: list[tuple[int, int]] = []
-        self.scaled: list[tuple[int, int, float, float]] = []
-        self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
-        self.is_played = False  # an input follows a signal of the scenario
-        self.status = self.warnings = 0  # of the last call; steps that returned a warning
-        self.ended = 0  # what its orderly end was, if it has ended
-        self.prepare()
-
-    def prepare(self) -> None:
-        """Make ready the calls that move values."""
-        self.set_inputs = self.exchange("Set", self.places.of(self.component.name, "input"))
-        self.get_outputs = self.exchange("Get", self.outputs)
-
-    @property
-    def is_direct(self) -> bool:
-        """True if C may call the FMU without Python."""
-        return self.instance.is_near
-
-    @property
-    def follows(self) -> bool:
-        """True if an input may change during a run."""
-        return bool(self.plain or self.scaled or self.stages or self.is_played)
-
-    def number(self, name: str, value: Value | None) -> Value | None:
-        """A value for a variable as FMI takes it."""
-        return None if value is None else self.instance.description.variables[name].number(value)
-
-    def exchange(self, action: str, ports: list[Port]) -> Exchange:
-        """Entry point and arguments of one call that moves the values of all these ports between buffer and FMU."""
-        variables, count = [self.places.variables[port] for port in ports], len(ports)
-        first = self.places.index[ports[0]] if ports else 0
-        references = referring(variables)
-        values = (ctypes.c_double * count).from_buffer(self.buffer, 8 * first)
-        length, after = ctypes.c_size_t(len(references)), self.instance.after(count)
-        arguments = (self.instance.pointer, references, length, values, *after)
-        function = self.instance.accessor(action, variables[0]) if ports else ""
-        entry = self.instance.function(function) if ports else nothing
-        return Exchange(function=function, entry=entry, references=references, values=values, arguments=arguments)
-
-    def connect(self, connection: Connection) -> None:
-        """Let an input follow an output from now on."""
-        target, source = self.places.inlets[connection.target], self.places.index[connection.source]
-        if connection.converts:
-            factor = 1.0 if connection.factor is None else connection.factor
-            self.scaled.append((target, source, factor, connection.bias or 0.0))
-        else:
-            self.plain.append((target, source))
-
-    def taker(self) -> Callable[[], str]:
-        """Function that copies connected outputs into the inputs and sets these; returns what failed, or nothing."""
-        copy, (function, entry, _, _, arguments) = self.copier(), self.set_inputs
-
-        def take() -> str:
-            copy()
-            status = entry(*arguments)
-            return self.checked(status, function) if status > WARNING else ""
-
-        return take
-
-    def copier(self) -> Callable[[], None]:
-        """Function that copies connected outputs into the inputs."""
-        buffer, plain, scaled, stages = self.buffer, tuple(self.plain), tuple(self.scaled), tuple(self.stages.values())
-
-        def copy() -> None:
-            for target, source in plain:
-                buffer[target] = buffer[source]
-            for target, source, factor, bias in scaled:
-                buffer[target] = factor * buffer[source] + bias
-            for stage in stages:
-                value = buffer[stage.source]
-                buffer[stage.slot.after] = stage.factor * value + stage.bias if stage.converts else value
-
-        return copy
-
-    def read_outputs(self) -> str:
-        """Read the outputs into the buffer; what failed, or nothing."""
-        call = self.get_outputs
-        failed = self.checked(call.entry(*call.arguments), call.function)
-        return failed or ("" if all(map(math.isfinite, self.values())) else NOT_FINITE)
-
-    def values(self) -> memoryview:
-        """The outputs in the buffer."""
-        first = self.places.index[self.outputs[0]] if self.outputs else 0
-        return memoryview(self.buffer)[first : first + len(self.outputs)]
-
-    def checked(self, status: int, function: str) -> str:
-        """Nothing for a good status; otherwise the function's name, and the status is kept for the message."""
-        self.status = status
-        return function if status > WARNING else ""
-
-    def stepper(self, base_step: float, takes_inputs: bool) -> Stepper:
-        """Function of the start time that does one step and reads the outputs; returns what failed, or nothing.
-
-        For Gauss-Seidel the inputs are taken first, unless nothing is connected to them: then they never change.
-        """
-        take = self.taker() if takes_inputs and self.follows else None
-        do = self.instance.doer(self.component.step * base_step)
-        get, function, arguments = self.get_outputs.entry, self.get_outputs.function, self.get_outputs.arguments
-        outputs, is_finite, warning = self.values(), math.isfinite, WARNING
-
-        def step(start: float) -> str:
-            if take:
-                failed = take()
-                if failed:
-                    return failed
-            status = do(start)
-            if status and not self.has_stepped(status):
-                return self.checked(status, STEP)
-            status = get(*arguments)
-            if status > warning:
-                return self.checked(status, function)
-            return "" if is_finite(sum(outputs)) or all(map(is_finite, outputs)) else NOT_FINITE
-
-        return step
-
-    def has_stepped(self, status: int) -> bool:
-        """True for the status of a step that was done, with a warning or as the last one."""
-        self.warnings += status == WARNING
-        return status <= WARNING or self.has_ended(status)
-
-    def has_ended(self, status: int) -> bool:
-        """True for the status of the orderly end of the component, which is kept."""
-        self.ended = status if status in (ENDS, ENDS_WITHIN) else 0
-        return self.ended > 0
-
-    def failure(self, what: str, time: float, index: int) -> FmuError:
-        """Error for what a step returned."""
-        if what != NOT_FINITE:
-            return self.instance.failure(what, self.status, time, index)
-        bad = [f"`{p.variable}` is {v}" for p, v in zip(self.outputs, self.values()) if not math.isfinite(v)]
-        cause = f"output {', '.join(bad)}. Look at its inputs and parameters{self.instance.said()}."
-        return FmuError(self.component.name, cause, time=time, step=index, log=self.instance.log())
-
-
-# A component inside the master that has more than Real variables: moved by Python, type by type.
-
-
-def part_of(component: Component, instance: Instance, buffer: array[float], places: Layout, texts: Texts) -> Part:
-    """The component as a part of a run."""
-    if instance.has_only_reals:
-        return Part(component, instance, buffer, places)
-    return MixedPart(component, instance, buffer, places, texts)
-
-
 class Channel:
-    """Variables of one type of an FMU that move in one call: their array, and the places that these values have."""
+    """Variables of one type of an FMU that move in one call: their array, and the places that these values have.
 
-    def __init__(self, instance: Instance, action: str, ports: Sequence[Port], places: Layout) -> None:
+    The array of doubles that are neighbours in the buffer lies in the buffer itself.
+    """
+
+    def __init__(
+        self, instance: Instance, action: str, ports: Sequence[Port], places: Layout, buffer: array[float]
+    ) -> None:
         variables = [places.variable(port) for port in ports]
-        self.kind, self.range = variables[0].type, variables[0].range
-        self.function = instance.accessor(action, variables[0])
-        self.values = (instance.c_type(variables[0]) * len(ports))()
-        self.move = instance.mover(action, variables, self.values)
+        self.kind, self.range, c_type = variables[0].type, variables[0].range, instance.c_type(variables[0])
         self.ports = tuple(ports)
         self.places = [] if self.kind == "String" else [places.index[port] for port in ports]
+        first = self.places[0] if self.places else 0
+        self.is_in_place = c_type is ctypes.c_double and self.places == [*range(first, first + len(ports))]
+        array_type = c_type * len(ports)
+        self.values = array_type.from_buffer(buffer, 8 * first) if self.is_in_place else array_type()
+        self.read = memoryview(buffer)[first : first + len(ports)] if self.is_in_place else self.values
+        self.function, self.references = instance.accessor(action, variables[0]), referring(variables)
+        self.move = instance.mover(action, variables, self.values)
 
     def fill(self, buffer: array[float], texts: Texts) -> str:
         """Take the values for the FMU; what is wrong with one, or nothing."""
@@ -328,59 +172,78 @@ class Channel:
                 (port, (value or b"").decode("utf-8", "replace")) for port, value in zip(self.ports, self.values)
             )
             return ""
-        for port, place, value in zip(self.ports, self.places, self.values):
-            if self.kind == "Real" and not math.isfinite(value):
-                return f"output `{port.variable}` is {value}. Look at its inputs and parameters"
-            if self.range and abs(value) > EXACT:
-                return f"output `{port.variable}` is {value}; integers beyond 2**53 are not exact"
-            buffer[place] = value
-        return ""
+        if not self.is_in_place:
+            for port, place, value in zip(self.ports, self.places, self.values):
+                if self.range and abs(value) > EXACT:
+                    return f"output `{port.variable}` is {value}; integers beyond 2**53 are not exact"
+                buffer[place] = value
+        are_finite = math.isfinite(sum(self.read)) or all(map(math.isfinite, self.read))
+        return "" if are_finite else NOT_FINITE
 
 
-def channels(instance: Instance, action: str, ports: Sequence[Port], places: Layout) -> Iterator[Channel]:
+def channels(
+    instance: Instance, action: str, ports: Sequence[Port], places: Layout, buffer: array[float]
+) -> tuple[Channel, ...]:
     """Channels for all these ports, one for each type."""
 
     def type_of(port: Port) -> str:
         variable: Variable = places.variable(port)
         return variable.size or variable.type
 
-    for _, alike in groupby(sorted(ports, key=type_of), key=type_of):
-        yield Channel(instance, action, list(alike), places)
+    groups = groupby(sorted(ports, key=type_of), key=type_of)
+    return tuple(Channel(instance, action, list(alike), places, buffer) for _, alike in groups)
 
 
-class MixedPart(Part):
-    """As `Part`, for variables of all types."""
-
-    is_direct = False
+class Part:
+    """One component of a run: connections into it, exchange with the buffer, and its step."""
 
     def __init__(
         self, component: Component, instance: Instance, buffer: array[float], places: Layout, texts: Texts
     ) -> None:
+        self.component, self.instance, self.buffer, self.places = component, instance, buffer, places
         self.texts, self.spoken, self.problem = texts, list[tuple[Port, Port]](), ""
-        super().__init__(component, instance, buffer, places)
+        self.outputs = places.of(component.name, "output")
+        self.plain: list[tuple[int, int]] = []
+        self.scaled: list[tuple[int, int, float, float]] = []
+        self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
+        self.is_played = False  # an input follows a signal of the scenario
+        self.status = self.warnings = 0  # of the last call; steps that returned a warning
+        self.ended = 0  # what its orderly end was, if it has ended
+        name = component.name
+        self.givers, self.readers = (
+            channels(instance, action, [*places.of(name, kind), *places.spoken(name, kind)], places, buffer)
+            for action, kind in (("Set", "input"), ("Get", "output"))
+        )
 
-    def prepare(self) -> None:
-        """Make ready the calls that move values."""
-        name, places = self.component.name, self.places
-        spoken = {causality: places.spoken(name, causality) for causality in ("input", "output")}
-        self.givers = [*channels(self.instance, "Set", [*places.of(name, "input"), *spoken["input"]], places)]
-        self.readers = [*channels(self.instance, "Get", [*self.outputs, *spoken["output"]], places)]
+    @property
+    def is_direct(self) -> bool:
+        """True if C may call the FMU without Python: its values are doubles in the buffer."""
+        return self.instance.is_near and all(channel.is_in_place for channel in (*self.givers, *self.readers))
 
     @property
     def follows(self) -> bool:
         """True if an input may change during a run."""
-        return super().follows or bool(self.spoken)
+        return bool(self.plain or self.scaled or self.stages or self.is_played or self.spoken)
+
+    def number(self, name: str, value: Value | None) -> Value | None:
+        """A value for a variable as FMI takes it."""
+        return None if value is None else self.instance.description.variables[name].number(value)
 
     def connect(self, connection: Connection) -> None:
         """Let an input follow an output from now on."""
-        if connection.target in self.places.index:
-            super().connect(connection)
-        else:
+        if connection.target not in self.places.index:
             self.spoken.append((connection.target, connection.source))
+            return
+        target, source = self.places.inlets[connection.target], self.places.index[connection.source]
+        if connection.converts:
+            factor = 1.0 if connection.factor is None else connection.factor
+            self.scaled.append((target, source, factor, connection.bias or 0.0))
+        else:
+            self.plain.append((target, source))
 
     def taker(self) -> Callable[[], str]:
         """Function that copies connected outputs into the inputs and sets these; returns what failed, or nothing."""
-        buffer, texts, spoken, givers = self.buffer, self.texts, tuple(self.spoken), tuple(self.givers)
+        buffer, texts, spoken, givers = self.buffer, self.texts, tuple(self.spoken), self.givers
         copy = self.copier()
 
         def take() -> str:
@@ -388,9 +251,8 @@ class MixedPart(Part):
             for heard, said in spoken:
                 texts[heard] = texts[said]
             for channel in givers:
-                self.problem = channel.fill(buffer, texts)
-                if self.problem:
-                    return NOT_FITTING
+                if not channel.is_in_place and (problem := channel.fill(buffer, texts)):
+                    return self.unfit(problem)
                 status = channel.move()
                 if status > WARNING:
                     return self.checked(status, channel.function)
@@ -398,36 +260,90 @@ class MixedPart(Part):
 
         return take
 
+    def copier(self) -> Callable[[], None]:
+        """Function that copies connected outputs into the inputs."""
+        buffer, plain, scaled, stages = self.buffer, tuple(self.plain), tuple(self.scaled), tuple(self.stages.values())
+
+        def copy() -> None:
+            for target, source in plain:
+                buffer[target] = buffer[source]
+            for target, source, factor, bias in scaled:
+                buffer[target] = factor * buffer[source] + bias
+            for stage in stages:
+                value = buffer[stage.source]
+                buffer[stage.slot.after] = stage.factor * value + stage.bias if stage.converts else value
+
+        return copy
+
     def read_outputs(self) -> str:
         """Read the outputs; what failed, or nothing."""
-        for channel in self.readers:
-            status = channel.move()
-            if status > WARNING:
-                return self.checked(status, channel.function)
-            self.problem = channel.empty(self.buffer, self.texts)
-            if self.problem:
-                return NOT_FITTING
-        return ""
+        return self.reader()()
+
+    def reader(self) -> Callable[[], str]:
+        """Function that reads the outputs; returns what failed, or nothing."""
+        calls = [(channel.move, channel.empty, channel.function) for channel in self.readers]
+        buffer, texts, warning = self.buffer, self.texts, WARNING
+
+        def read() -> str:
+            for move, empty, function in calls:
+                status = move()
+                if status > warning:
+                    return self.checked(status, function)
+                problem = empty(buffer, texts)
+                if problem:
+                    return problem if problem == NOT_FINITE else self.unfit(problem)
+            return ""
+
+        return read
+
+    def unfit(self, problem: str) -> str:
+        """That a value does not fit, with what is wrong kept for the message."""
+        self.problem = problem
+        return NOT_FITTING
+
+    def checked(self, status: int, function: str) -> str:
+        """Nothing for a good status; otherwise the function's name, and the status is kept for the message."""
+        self.status = status
+        return function if status > WARNING else ""
 
     def stepper(self, base_step: float, takes_inputs: bool) -> Stepper:
-        """Function of the start time that does one step and reads the outputs; returns what failed, or nothing."""
+        """Function of the start time that does one step and reads the outputs; returns what failed, or nothing.
+
+        For Gauss-Seidel the inputs are taken first, unless nothing is connected to them: then they never change.
+        """
         take = self.taker() if takes_inputs and self.follows else None
-        do, read = self.instance.doer(self.component.step * base_step), self.read_outputs
+        do, read = self.instance.doer(self.component.step * base_step), self.reader()
 
         def step(start: float) -> str:
             failed = take() if take else ""
             if failed:
                 return failed
             status = do(start)
-            return read() if self.has_stepped(status) else self.checked(status, STEP)
+            if status and not self.has_stepped(status):
+                return self.checked(status, STEP)
+            return read()
 
         return step
 
+    def has_stepped(self, status: int) -> bool:
+        """True for the status of a step that was done, with a warning or as the last one."""
+        self.warnings += status == WARNING
+        return status <= WARNING or self.has_ended(status)
+
+    def has_ended(self, status: int) -> bool:
+        """True for the status of the orderly end of the component, which is kept."""
+        self.ended = status if status in (ENDS, ENDS_WITHIN) else 0
+        return self.ended > 0
+
     def failure(self, what: str, time: float, index: int) -> FmuError:
         """Error for what a step returned."""
-        if what not in (NOT_FITTING, NOT_FINITE):
-            return super().failure(what, time, index)
+        if what not in (NOT_FINITE, NOT_FITTING):
+            return self.instance.failure(what, self.status, time, index)
         cause = f"{self.problem}."
+        if what == NOT_FINITE:
+            found = ((port.variable, self.buffer[self.places.index[port]]) for port in self.outputs)
+            bad = [f"`{name}` is {value}" for name, value in found if not math.isfinite(value)]
+            cause = f"output {', '.join(bad)}. Look at its inputs and parameters{self.instance.said()}."
         return FmuError(self.component.name, cause, time=time, step=index, log=self.instance.log())
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from collections.abc import Iterable, Sequence
-from types import ModuleType
 
 from gapsense.fmi.fmi3.variables import FLAG, Shape, Tables, motion, places
 from gapsense.fmi.native.headers import literal
@@ -80,26 +77,21 @@ def array(kind: str, name: str, items: Iterable[str]) -> list[str]:
 
 # Arrays made of a kernel's state for hosts that know arrays.
 #
-# A kernel `x` may have a module `x_arrays` beside it, with a record `Arrays`, a function `arrays(state, par)` that
-# gives one, and `ROWS`: the outputs that the rows and columns of its covariances stand for.
-
-
-def module_of(kernel: Kernel) -> ModuleType | None:
-    """The module, if there is one."""
-    name = f"{kernel.module.__name__}_arrays"
-    return importlib.import_module(name) if importlib.util.find_spec(name) else None
+# A kernel may have a record `Arrays`, a function `arrays(state, par)` that gives one, and `ROWS`: the outputs that the
+# rows and columns of its covariances stand for.
 
 
 def shapes(kernel: Kernel) -> list[Shape]:
     """Names and sizes."""
-    module = module_of(kernel)
-    return [Shape(name, field.size, module.ROWS) for name, field in fields(module.Arrays).items()] if module else []
+    if not hasattr(kernel.module, "arrays"):
+        return []
+    return [Shape(name, field.size, kernel.module.ROWS) for name, field in fields(kernel.module.Arrays).items()]
 
 
 def source(kernel: Kernel) -> str:
     """C99 of `<kernel>_arrays`, to stand behind that of the kernel; it writes the upper triangles as its new state."""
-    module, records = module_of(kernel), kernel.module
-    if module is None:
+    module = kernel.module
+    if not hasattr(module, "arrays"):
         return ""
-    graph = trace(module.arrays, {"state": records.State, "par": records.Parameters}, (module.Arrays,))
+    graph = trace(module.arrays, {"state": module.State, "par": module.Parameters}, (module.Arrays,))
     return C(graph._replace(name=f"{kernel.name}_arrays")).source()

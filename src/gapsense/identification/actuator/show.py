@@ -23,7 +23,8 @@ from gapsense.identification.least_squares import Matrix
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
 from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
-from gapsense.identification.show import Validation, about, measured_and_model, validation
+from gapsense.identification.scale import scaled
+from gapsense.identification.show import Validation, about, measured_and_model, untold, validation
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
@@ -76,7 +77,9 @@ def priors(result: Commissioned) -> dict[str, float]:
 
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
     """What was given, with what was found; without a sampling period of the estimators that of the records."""
-    return {"sample_time": result.drives[0].record.dt, **device(result.parameters), **given, **found_values(result)}
+    dt = result.drives[0].record.dt
+    tuning = scaled([d.record for d in result.drives], result.models, result.residuals, result.parameters)
+    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **found_values(result)}
 
 
 def device(par: Parameters) -> dict[str, Value]:
@@ -148,6 +151,7 @@ def actuator_tables(
         table("Parameters", HEADS, rows),
         *([validation(checks)] if checks else []),
         *assumptions(known, assumed),
+        untold([name for name in (*STOPS, "coil.turns") if name not in assumed]),
         *remarks(result, before),
         *(text for record in records for text in about(record)),
     ]
@@ -180,7 +184,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
             f"The search ends {after}, not at a minimum: its slopes promise {100.0 * result.promise:.0f} % less, but no"
             " step keeps that. Begin with other values, those of the core above all."
         )
-    if is_usual and result.is_explained:
+    if is_usual and result.is_explained and not result.at_limit:
         said.append(
             f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
         )

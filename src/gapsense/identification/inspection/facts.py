@@ -128,6 +128,7 @@ class Lag(NamedTuple):
 
     samples: float
     error: float  # standard error [samples]
+    is_before: float = 0.0  # part of the operations in which current flows before the voltage is on
 
 
 def lag(record: Record, found: Sequence[Operation]) -> Lag | None:
@@ -136,8 +137,9 @@ def lag(record: Record, found: Sequence[Operation]) -> Lag | None:
     each = [x for x in (one(record, operation, sigma) for operation in found[:OPERATIONS]) if x is not None]
     if not each:
         return None
-    late, errors = (np.array(column) for column in zip(*each))
-    return Lag(float(late.mean()), float(max(late.std(), errors.mean()) / np.sqrt(late.size)))
+    late, errors, before = (np.array(column) for column in zip(*each))
+    error = float(max(late.std(), errors.mean()) / np.sqrt(late.size))
+    return Lag(float(late.mean()), error, float(before.mean()))
 
 
 def one(record: Record, operation: Operation, sigma: float) -> Lag | None:
@@ -151,7 +153,8 @@ def one(record: Record, operation: Operation, sigma: float) -> Lag | None:
     k = np.arange(first, last)
     shape, covariance = np.polyfit(i[first:last], k, 2, cov="unscaled")
     left = float(np.std(k - np.polyval(shape, i[first:last]))) + ROUNDED
-    return Lag(float(shape[2]) - (edge - 0.5), left * float(np.sqrt(covariance[2, 2])))
+    is_before = edge > 0 and float(i[edge - 1]) > low
+    return Lag(float(shape[2]) - (edge - 0.5), left * float(np.sqrt(covariance[2, 2])), float(is_before))
 
 
 STEADY = 0.05  # of the largest voltage: a voltage that changes less is held

@@ -114,6 +114,12 @@ def of_filters(found: Facts) -> Iterator[str]:
         return
     late, rise = found.lag.samples, min(p.rise for p in found.pulses)
     if abs(late) > BETWEEN + 3.0 * found.lag.error + (LATE if late > 0.0 else EARLY) * rise:
+        if late < 0.0 and not found.lag.is_before:
+            yield (
+                "The current jumps with the voltage, in fewer samples than a coil alone allows: eddy currents of a"
+                " solid core, which `identify` finds where they are small and `commission` where they are not."
+            )
+            return
         where = "late behind" if late > 0.0 else "before"
         yield (
             f"The current is {abs(late):.2g} samples {where} the voltage: channels that are taken one after the"

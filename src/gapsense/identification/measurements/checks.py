@@ -11,6 +11,7 @@ from gapsense.identification.measurements.operations import (
     SIGMAS,
     SMALL,
     Operation,
+    drift,
     estimate,
     noise,
     operations,
@@ -190,11 +191,18 @@ def _spike(record: Record) -> str:
 def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
     """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
-    if not found:
+    if moved := drift(record):
+        yield (
+            f"{file}: the current at rest moves by {moved:.4g} A from the first operation to the end of the record: its"
+            " zero drifts, or it has not ended between operations. Let the sensor warm up, pause for longer, or record"
+            " fewer operations."
+        )
+    elif not found:
         rows = ", ".join(str(record.rows[k]) for k in starts(record)[: 2 * SHOWN]) or "none"
         yield (
             f"{file}: no complete operation (current begins to flow after row {rows}). Record until the current has "
-            "ended, or give the length of a period with `--period` in s."
+            "ended, or give the length of a period with `--period` in s; `gapsense commission` takes a record that ends"
+            " while the coil is held."
         )
     limit = 2.0 * _largest_at_rest(record)
     for operation in found[:SHOWN]:

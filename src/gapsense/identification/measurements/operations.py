@@ -27,6 +27,9 @@ SMALL = {"voltage": 0.02, "current": 0.01}  # what counts as rest, relative to t
 SIGMAS = 4.0
 PAUSE = 0.1  # a rest shorter than this part of the longest activity ends no operation
 FEW = 3  # samples; an activity that is shorter is a spike
+DRIFT = 0.01  # of the largest current: a level at rest that moves by less is steady
+WHITE = 0.7  # of the root mean square of a signal: with more of it in its second differences, it is noise
+MANY = 20  # samples at rest whose mean tells its level
 
 
 class Operation(NamedTuple):
@@ -70,6 +73,28 @@ def coarse(x: Vector) -> float:
     return float(np.sqrt(np.mean(np.minimum(works, 2.0 * step) ** 2) / 6.0))
 
 
+def is_noise(x: Vector) -> bool:
+    """Whether a signal is white noise, be it as coarse as it may: neighbouring samples differ by all that it varies."""
+    return bool(x.size > 2 and np.std(np.diff(x, 2)) / np.sqrt(6.0) > WHITE * np.sqrt(np.mean(x**2)) > 0.0)
+
+
+def drift(record: Record) -> float:
+    """How far the level of the current at rest moves from operation to operation, beyond chance [A].
+
+    Rest before each operation counts, and that at the end of the record, where the current is steady.
+    """
+    i, off = record.current, np.abs(record.voltage) < leaves(record.voltage, "voltage")
+    ends = [k for k in (*starts(record), record.times.size) if k >= MANY]
+    rests = [i[k - MANY : k] for k in ends if off[k - MANY : k].all()]
+    sigma = max(noise(i), hidden(i)) / np.sqrt(MANY / 2)
+    still = [x for x in rests if abs(x[: MANY // 2].mean() - x[MANY // 2 :].mean()) < SIGMAS * np.sqrt(2.0) * sigma]
+    if len(still) < 2:
+        return 0.0
+    levels = np.array([x.mean() for x in still])
+    moved = float(levels[-1] - levels[0])
+    return moved if abs(moved) > max(SIGMAS * sigma, DRIFT * float(np.abs(i).max())) else 0.0
+
+
 def leaves(x: Vector, name: str) -> float:
     """How far the voltage or the current may be from its value at rest; the levels of a drive are no converter's."""
     found = SMALL[name] * float(np.ptp(x)) + SIGMAS * max(noise(x), hidden(x))
@@ -89,6 +114,8 @@ def at_rest(record: Record) -> int:
 def activities(record: Record) -> list[tuple[int, int]]:
     """First sample of each stretch in which current flows, and the first one after it."""
     i = record.current
+    if is_noise(i):
+        return []
     rest = float(np.median(i[: max(1, at_rest(record))]))
     runs = [run for run in true_runs(np.abs(i - rest) > leaves(i, "current")) if run[1] - run[0] >= FEW]
     pause = PAUSE * max((end - begin for begin, end in runs), default=0)

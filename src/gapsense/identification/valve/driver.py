@@ -7,16 +7,18 @@ fit of these one Gauss-Newton step of all of them, then the records are prepared
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from gapsense.identification.assumptions import SCALES
+from gapsense.identification.causes import ANYWHERE, is_place
 from gapsense.identification.measurements.record import Record, Vector
-from gapsense.identification.valve.errors import left_at, linearise, scales
+from gapsense.identification.valve.errors import linearise, scales
 from gapsense.identification.valve.form import Sought
 from gapsense.identification.valve.minimise import ENOUGH, Fit, Trial, choose_form, evidence, is_quiet, relative
-from gapsense.identification.valve.model import Experiment, Prepared
+from gapsense.identification.valve.model import Experiment, First, Prepared, residuals
 from gapsense.report.table import quantity
 
 TAKEN = {"series": "Ohm", "drop": "V", "delay": "s"}  # causes that may be given or fitted
@@ -25,6 +27,7 @@ WARMEST, COPPER = 0.3, 3.9e-3  # of the resistance, relative to the one that is 
 ROUNDS = 6
 CLOSE = 0.05  # standard errors of a step that ends the search
 FARTHEST = {"series": 0.2, "drop": 0.05, "delay": 0.5}  # of its scale, in one step
+EDGE = 1.0  # the same, of the place of an edge [samples]
 DOUBTFUL = 3.0  # standard errors, by white residuals, from which a delay is tried
 FIT = "fit"
 
@@ -115,7 +118,7 @@ class Settled(NamedTuple):
 def settle(fit: Fit, ratios: Vector, prepared: Prepared, names: Sequence[str]) -> Settled:
     """The minimum for the first operations, next to a point at which the parameters fit best."""
     for _ in range(ROUNDS if names else 0):
-        step = correction(fit, ratios, [first.experiment for first in prepared.firsts], names)
+        step = correction(fit, ratios, [first.experiment for first in prepared.firsts], names, prepared.places)
         prepared = prepared.moved(step.causes)
         ratios = fit.least_squares(step.ratios, [first.experiment for first in prepared.firsts])
         if step.is_small:
@@ -132,12 +135,20 @@ class Step(NamedTuple):
     is_doubtful: bool  # whether a cause may be none
 
 
-def correction(fit: Fit, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Step:
-    """One Gauss-Newton step, not too far; its errors are those of white residuals."""
-    at, r = linearise(fit.form, ratios, experiments, names, ()), left_at(fit.form, ratios, experiments)[0]
-    found, k, sizes = -at.inverse @ r, ratios.size, scales(experiments)
+def correction(
+    fit: Fit,
+    ratios: Vector,
+    experiments: Sequence[Experiment],
+    names: Sequence[str],
+    places: Mapping[str, float] = MappingProxyType({}),
+) -> Step:
+    """One Gauss-Newton step, not too far, with the edges at `places`; its errors are those of white residuals."""
+    at, r = linearise(fit.form, ratios, experiments, names, ()), residuals(fit.form, [ratios], experiments)[0]
+    k, sizes = ratios.size, scales(experiments, names)
+    off = np.append(np.zeros(k), [places.get(name, 0.0) / ANYWHERE for name in names])
+    found = -at.inverse @ r - at.believed @ off
     error = np.sqrt((at.inverse[k:] ** 2).sum(axis=1) * float(r @ r) / r.size)
-    wanted, most = found[k:], np.array([FARTHEST[name] for name in names])
+    wanted, most = found[k:], np.array([EDGE if is_place(name) else FARTHEST[name] for name in names])
     part = float(np.min(most / np.maximum(np.abs(wanted), most)))
     bounds = 0.99 * fit.form.bounds
     return Step(
@@ -156,26 +167,39 @@ class Timed(NamedTuple):
     causes: tuple[str, ...]  # that are fitted
 
 
-def choose_delay(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: Driver) -> Timed:
-    """The forms of the model, and a delay if the evidence is for it: it looks much like eddy currents.
+def choose_timing(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: Driver) -> Timed:
+    """The forms of the model, and a delay or the places of edges if the evidence is for it.
 
-    It is tried where the form that is taken has some, or leaves something that a delay explains; never where eddy
-    currents must not be sought, for they would be taken for a delay.
+    Both look much like eddy currents.  They are tried where the form that is taken has some, or leaves something that
+    they explain; never where eddy currents must not be sought, for they would be taken for a delay.
     """
     without = Timed(prepared, choose_form(fit, ratios, prepared.firsts, sought), drive.fitted)
     best, firsts = last_taken(without.trials), prepared.firsts
     if drive.is_timed or "eddy" not in sought.forms or is_quiet(best, firsts):
         return without
-    other, at = Fit(best.form), [first.experiment for first in firsts]
-    if not best.form.added and correction(other, best.ratios, at, ["delay"]).is_doubtful:
-        return without
-    causes = (*drive.fitted, "delay")
-    ratios, prepared = settle(fit, ratios, prepared, causes)
-    delayed = Timed(prepared, choose_form(fit, ratios, prepared.firsts, sought), causes)
-    late = last_taken(delayed.trials)
-    more = 1 + len(late.form.fitted) - len(best.form.fitted)
-    left, now = relative(best.errors, firsts), relative(late.errors, prepared.firsts)
-    return delayed if evidence(left, now, more) > ENOUGH else without
+    other, at, found = Fit(best.form), [first.experiment for first in firsts], [(0.0, without)]
+    inside = [name for name in prepared.edges if best.form.added and is_inside(name, firsts)]  # else all, at the end
+    for causes in (("delay",), tuple(inside)):
+        is_tried = best.form.added or not correction(other, best.ratios, at, causes).is_doubtful
+        if causes and is_tried:
+            names = (*drive.fitted, *causes)
+            start, moved = settle(fit, ratios, prepared, names)
+            if moved.is_alike:
+                continue
+            timed = Timed(moved, choose_form(fit, start, moved.firsts, sought), names)
+            end = last_taken(timed.trials)
+            more = len(causes) + len(end.form.fitted) - len(best.form.fitted)
+            left, now = relative(best.errors, firsts), relative(end.errors, moved.firsts)
+            found.append((evidence(left, now, more) - ENOUGH, timed))
+    timed = max(found, key=lambda pair: pair[0])[1]
+    edges = prepared.edges if any(map(is_place, timed.causes)) else []
+    return timed._replace(causes=tuple(dict.fromkeys((*timed.causes, *edges))))
+
+
+def is_inside(name: str, firsts: Sequence[First]) -> bool:
+    """Whether an edge lies in the first operation of its record."""
+    _, record, sample = name.split(".")
+    return 0 < int(sample) - firsts[int(record)].start < firsts[int(record)].experiment.current.size
 
 
 def last_taken(trials: Sequence[Trial]) -> Trial:

@@ -29,7 +29,16 @@ import numpy.typing as npt
 from scipy.signal import lfilter
 
 from gapsense.identification.assumptions import scale
-from gapsense.identification.causes import CAUSES, HIDDEN, Signals, apply_causes
+from gapsense.identification.causes import (
+    ANYWHERE,
+    CAUSES,
+    HIDDEN,
+    Signals,
+    apply_causes,
+    cause,
+    is_place,
+    of_record,
+)
 from gapsense.identification.least_squares import Matrix, Vector, differences, independent, long_run, rms
 from gapsense.identification.measurements.operations import Operation, trapezoid
 from gapsense.identification.measurements.prepare import remaining
@@ -55,7 +64,6 @@ from gapsense.identification.valve.model import (
 
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
 TINY = 1e-300
-EVERY = {**CAUSES, **HIDDEN}
 
 
 class Slopes(NamedTuple):
@@ -70,6 +78,7 @@ class Linear(NamedTuple):
 
     fitted: Matrix  # slopes of the residuals (residuals, fitted)
     inverse: Matrix  # what is fitted, from minus the residuals (fitted, residuals)
+    believed: Matrix  # the same, from what is believed of the places of edges, in their deviations (fitted, fitted)
     feedback: Matrix  # what becomes of that by `balance` (fitted, fitted)
     resistance: Vector  # slopes of its logarithm (fitted,)
     others: Slopes  # by the causes that are not fitted
@@ -104,12 +113,15 @@ def linearise(
 ) -> Linear:
     """The residuals near `ratios`; `fitted` and `others` are names of causes."""
     found = slopes(form, ratios, experiments, [*fitted, *others])
-    k = len(fitted)
+    k, r = len(fitted), residuals(form, [ratios], experiments)[0]
     J = np.hstack([Weighted(form, experiments).jacobian(ratios), found.residuals[:, :k]])
-    A = np.linalg.pinv(J, rcond=NEGLIGIBLE).astype(np.float64)
+    known = np.diag([0.0] * ratios.size + [rms(r) / ANYWHERE * is_place(name) for name in fitted])
+    A = np.linalg.pinv(np.vstack([J, known]), rcond=NEGLIGIBLE).astype(np.float64)
+    A, believed = A[:, : r.size], A[:, r.size :] @ known * ANYWHERE
     return Linear(
         fitted=J,
         inverse=A,
+        believed=believed,
         feedback=feedback(A, form, ratios, experiments),
         resistance=np.append(np.zeros(ratios.size), found.resistance[:k]),
         others=Slopes(found.residuals[:, k:], found.resistance[k:]),
@@ -118,33 +130,37 @@ def linearise(
 
 def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Slopes:
     """How causes change the weighted residuals, and the resistance of (23)."""
-    at, sizes = left_at(form, ratios, experiments), scales(experiments)
-    columns, logarithms = np.empty((at[0].size, len(names))), np.empty(len(names))
+    at, sizes = [residuals(form, [ratios], [e])[0] for e in experiments], scales(experiments, names)
+    columns, logarithms = np.empty((sum(r.size for r in at), len(names))), np.empty(len(names))
+    before = np.log(pooled_resistance(experiments))
     for k, name in enumerate(names):
-        small = EVERY[name].small
-        with_it = left_at(form, ratios, [restore_causes(e, {name: small * sizes[name]}) for e in experiments])
-        columns[:, k], logarithms[k] = (with_it[0] - at[0]) / small, (with_it[1] - at[1]) / small
+        small = cause(name).small
+        others = [restore_causes(e, of_record({name: small * sizes[name]}, j)) for j, e in enumerate(experiments)]
+        changes = [
+            residuals(form, [ratios], [other])[0] - r if other is not e else np.zeros(r.size)
+            for other, e, r in zip(others, experiments, at)
+        ]
+        columns[:, k] = np.concatenate(changes) / small
+        logarithms[k] = (np.log(pooled_resistance(others)) - before) / small
     return Slopes(columns, logarithms)
 
 
-def scales(experiments: Sequence[Experiment]) -> dict[str, float]:
+def scales(experiments: Sequence[Experiment], names: Sequence[str]) -> dict[str, float]:
     """What is large of each cause, in its unit."""
     found = [signals(e) for e in experiments]
-    return {name: min(cause.scale(s) for s in found) for name, cause in EVERY.items()}
-
-
-def left_at(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> tuple[Vector, float]:
-    """Weighted residuals, and the logarithm of the resistance."""
-    return residuals(form, [ratios], experiments)[0], float(np.log(pooled_resistance(experiments)))
+    return {name: min(cause(name).scale(s) for s in found) for name in names}
 
 
 def signals(experiment: Experiment) -> Signals:
     """Of an experiment."""
-    return Signals(experiment.halves, experiment.current, experiment.dt, mean_resistance(experiment))
+    R = mean_resistance(experiment)
+    return Signals(experiment.halves, experiment.current, experiment.dt, R, experiment.first)
 
 
 def restore_causes(experiment: Experiment, values: dict[str, float]) -> Experiment:
     """The experiment, if the causes have these values: with the resistances that (23) then gives."""
+    if not values:
+        return experiment
     after = apply_causes(signals(experiment), values)
     new = experiment._replace(halves=after.halves, current=after.current)
     return with_factors(new, [_ratio(new, o.inside) / _ratio(experiment, o.inside) for o in experiment.operations])
@@ -313,12 +329,16 @@ def uncertainty(
     doubts: Doubts | None = None,
     fitted: Sequence[str] = (),
 ) -> Uncertainty:
-    """Standard errors at the minimum `ratios` of the cost; `fitted` causes have been taken out of the experiments."""
+    """Standard errors at the minimum `ratios` of the cost; `fitted` causes have been taken out of the experiments.
+
+    The places of edges are the last of these; their errors are in those of all else, but not told.
+    """
     doubts = doubts or Doubts()
     hidden = [name for name in HIDDEN if doubts.causes.get(name)]
     known = (*fitted, "eddy") if "core_eddy" in form.fitted else fitted
     others = [*(c for c in CAUSES if c not in known), *hidden]
-    sizes, at = scales(experiments), linearise(form, ratios, experiments, fitted, others)
+    sizes = scales(experiments, [*fitted, *others])
+    at = linearise(form, ratios, experiments, fitted, others)
     found, n = influences(form, ratios, experiments, at), len(at.fitted.T)
     cov = np.sum([long_run(*signal) for signals in found for signal in signals], axis=0)
     r, errors = residuals(form, [ratios], experiments)[0], np.sqrt(np.diag(cov)[n:-1])
@@ -326,13 +346,15 @@ def uncertainty(
     own = [*range(n), -1]
     parts = [of_current[own] for (of_current, _), *_ in found]
     moved = dict(zip(others, (at.moved / [sizes[name] for name in others]).T))
-    cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts)
+    edges = at.feedback @ at.believed
+    edges = np.vstack([edges, at.resistance @ edges])  # what the records do not tell of their places
+    cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts) + edges @ edges.T
     if "delay" in fitted:  # the steps of the model make one, which adds to all that goes with it
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
         cov = cov + np.outer(shift, shift)
-    T, names = reported(form, len(fitted)), [*form.fitted]
-    told, kept = T @ cov @ T.T, [*np.flatnonzero(T[: -1 - len(fitted), :-1].any(axis=0))]
+    T, names, causes = reported(form, fitted), [*form.fitted], [name for name in fitted if not is_place(name)]
+    told, kept = T @ cov @ T.T, parameters_of(form)
     std: Vector = np.sqrt(np.diag(told))
     scale, count = np.where(std > 0.0, std, 1.0), len(kept)
     return Uncertainty(
@@ -343,21 +365,21 @@ def uncertainty(
             for k, name in enumerate(names)
             if name.startswith(SHAPE)
         },
-        causes={name: float(s * sizes[name]) for name, s in zip(fitted, std[count + 1 :])},
+        causes={name: float(s * sizes[name]) for name, s in zip(causes, std[count + 1 :])},
         shares=shares,
     )
 
 
-def reported(form: Form, causes: int = 0) -> Matrix:
-    """What is told of what is fitted, of causes and of the resistance.
+def reported(form: Form, causes: Collection[str] = ()) -> Matrix:
+    """What is told of what is fitted, of causes but for the places of edges, and of the resistance.
 
     These are the parameters, then the resistance with the factor on it, then the causes; the numbers of a gap law are
     told apart.
     """
     n = len(form.fitted)
-    T = np.eye(n + causes + 1)
+    T, told = np.eye(n + len(causes) + 1), sum(not is_place(name) for name in causes)
     T[-1, :n] = [name == FACTOR for name in form.fitted]
-    return np.asarray(T[[*parameters_of(form), -1, *range(n, n + causes)]])
+    return np.asarray(T[[*parameters_of(form), -1, *range(n, n + told)]])
 
 
 def parameters_of(form: Form) -> list[int]:
@@ -501,7 +523,7 @@ def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vect
 def widen(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
     """The uncertainty with a covariance of the fitted logarithms added."""
     names = list(form.fitted)
-    T = reported(form, len(found.causes))[:, : len(names)]
+    T = reported(form, found.causes)[:, : len(names)]
     std = np.array([*found.relative.tolist(), *found.causes.values()])
     sure = np.where(np.isfinite(std), std, 0.0)
     cov = found.correlation * np.outer(sure, sure) + T @ added @ T.T

@@ -18,7 +18,7 @@ from gapsense.identification.assumptions import scale
 from gapsense.identification.measurements.operations import Flux
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.residual import Residual, residual
-from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_delay, correction, last_taken, settle
+from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_timing, correction, last_taken, settle
 from gapsense.identification.valve.errors import Ended, Uncertainty, add_doubts, doubts, uncertainty
 from gapsense.identification.valve.form import (
     BOUNCE,
@@ -34,7 +34,17 @@ from gapsense.identification.valve.form import (
     replace_values,
     value_of,
 )
-from gapsense.identification.valve.minimise import Course, Fit, Start, Trial, best_reading, search
+from gapsense.identification.valve.minimise import (
+    ENOUGH,
+    Course,
+    Fit,
+    Start,
+    Trial,
+    best_reading,
+    currents_left,
+    evidence,
+    search,
+)
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
@@ -98,7 +108,7 @@ def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: D
     if not found:
         return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=[], causes=drive.fitted)
     ratios, prepared = settle(fit, ratios, prepared, drive.fitted)
-    prepared, trials, causes = choose_delay(fit, ratios, prepared, sought, drive)
+    prepared, trials, causes = choose_timing(fit, ratios, prepared, sought, drive)
     fit.form, ratios = last_taken(trials)[:2]
     return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=trials, causes=causes)
 
@@ -123,6 +133,7 @@ class Identified(NamedTuple):
     ratios: Vector  # logarithms, of the fitted parameters to their first guesses
     trials: list[Trial]  # forms that were tried
     drive: Mapping[str, float] = {}  # values of the causes that were taken out of the records, see `causes`
+    places: Mapping[str, float] = {}  # of edges that lie differently between two samples, likewise [samples]
     held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
     assumed: Mapping[str, float] = {}  # fields that were neither given nor found, and the doubt about their values
 
@@ -217,6 +228,8 @@ def fit_valve(
     beginning = begin(fit, prepared, method, sought, drive)
     fit.course.begins("whole")
     at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
+    if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
+        at = _with_edges(fit, at, drive.fitted)
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
@@ -235,6 +248,16 @@ def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
     tied = {"spring_rest"} & {*assumed}
     found = add_doubts(Ended(at.form, at.ratios, at.experiments), result.uncertainty, doubts, tied)
     return result._replace(uncertainty=found, assumed={name: doubts[name] for name in assumed})
+
+
+def _with_edges(fit: Fit, at: Found, causes: Sequence[str]) -> Found:
+    """The minimum with the place of every edge, if the evidence of all operations is for it; first ones tell few."""
+    names = at.prepared.edges
+    if {*names} <= {*at.causes} or correction(fit, at.ratios, at.experiments, names, at.prepared.places).is_doubtful:
+        return at
+    found = _minimise(fit, at.ratios, at.prepared.without_delay(names), (*causes, *names), is_searched=False)
+    left, now = (np.concatenate(currents_left(fit.form, one.ratios, one.experiments)) for one in (at, found))
+    return found if evidence(left, now, len(names)) > ENOUGH and not found.prepared.is_alike else at
 
 
 def _by_noise(result: Identified, at: Found) -> Vector:
@@ -263,7 +286,7 @@ def _minimise(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str
         if all(np.allclose(a.resistance, b.resistance, rtol=AT_REST, atol=0.0) for a, b in zip(before, experiments)):
             break
     for _ in range(ROUNDS if causes else 0):
-        step = correction(fit, ratios, experiments, causes)
+        step = correction(fit, ratios, experiments, causes, prepared.places)
         prepared = prepared.moved(step.causes)
         experiments = fit.balanced(step.ratios, prepared.experiments)
         ratios = fit.least_squares(fit.form.settled(step.ratios), experiments)
@@ -292,4 +315,5 @@ def _conclude(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, 
         ratios=ratios,
         trials=beginning.trials,
         drive=prepared.drive,
+        places=prepared.places,
     )

@@ -176,9 +176,14 @@ def try_larger(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> 
 
 def try_form(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
     """A form as it is fitted."""
-    experiments, par = [first.of(fit.form) for first in firsts], fit.form.at(ratios)
-    errors = [e.current - simulate_currents([par], e)[0] for e in experiments]
-    return Trial(fit.form, ratios, fit.cost(ratios, experiments), errors)
+    experiments = [first.of(fit.form) for first in firsts]
+    return Trial(fit.form, ratios, fit.cost(ratios, experiments), currents_left(fit.form, ratios, experiments))
+
+
+def currents_left(form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> list[Vector]:
+    """What the model leaves of the current of each experiment [A]."""
+    par = form.at(ratios)
+    return [e.current - simulate_currents([par], e)[0] for e in experiments]
 
 
 def relative(errors: Sequence[Vector], firsts: Sequence[First]) -> Vector:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.identification.causes import Signals, apply_causes
+from gapsense.identification.causes import PLACE, Signals, apply_causes, edges, is_place, of_record
 from gapsense.identification.least_squares import Matrix, finite
 from gapsense.identification.measurements.operations import (
     Flux,
@@ -33,6 +33,7 @@ from gapsense.report.table import quantity
 
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 EXACT = 1e-3  # of the largest current: the model is no better, whatever the noise
+ALIKE = 0.1  # samples between the places of edges that are no more than a delay
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
 
 
@@ -62,6 +63,7 @@ class Experiment(NamedTuple):
     operations: list[Operation]  # complete ones, which have a resistance of their own
     position: Vector | None = None  # measured [m], where it is fitted
     amperes: float = 0.0  # of its residual: noise of the current over that of the position [A/m]
+    first: int = 0  # sample of the record with which it begins
 
     @property
     def size(self) -> int:
@@ -88,6 +90,7 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
         current=current,
         flux_linkage=flux_linkage,
         operations=shifted,
+        first=first,
     )
     if record.position is None or record.position_noise is None:
         return made, flux
@@ -100,7 +103,8 @@ def part(experiment: Experiment, operation: Operation) -> Experiment:
     """One operation."""
     names = ("halves", "resistance", "current", "flux_linkage", *["position"] * (experiment.position is not None))
     signals = {name: getattr(experiment, name)[operation.start : operation.stop + 1] for name in names}
-    return experiment._replace(**signals, operations=[Operation(0, operation.stop - operation.start)])
+    inside = [Operation(0, operation.stop - operation.start)]
+    return experiment._replace(**signals, operations=inside, first=experiment.first + operation.start)
 
 
 def first_operation(experiment: Experiment) -> Experiment:
@@ -298,12 +302,38 @@ class Prepared(NamedTuple):
     @property
     def drive(self) -> Mapping[str, float]:
         """Values of the causes that are taken out of all records."""
-        return self.raw[0].drive
+        return {name: value for name, value in self.raw[0].drive.items() if not is_place(name)}
+
+    @property
+    def places(self) -> dict[str, float]:
+        """Those of single edges, which belong to one record each."""
+        every = [record.drive for record in self.raw]
+        return {name: value for drive in every for name, value in drive.items() if is_place(name)}
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether places were sought and all edges lie alike: that is a delay."""
+        return bool(self.places) and float(np.ptp([*self.places.values()])) < ALIKE
+
+    @property
+    def edges(self) -> list[str]:
+        """Names of the places of all edges that are far enough from each other, from the first operation on."""
+        every = [(j, k) for j, record in enumerate(self.records) for k in edges(record.voltage)]
+        return [f"{PLACE}{j}.{k}" for j, k in every if self.fluxes[j].operations[0].start < k]
 
     def moved(self, by: Mapping[str, float]) -> Prepared:
         """The same with other values of the causes."""
-        values = {**self.drive, **{name: self.drive.get(name, 0.0) + change for name, change in by.items()}}
-        return prepare_all([record._replace(drive=values) for record in self.raw], self.period, self.convention)
+        moved = list[Record]()
+        for number, record in enumerate(self.raw):
+            changed = {name: record.drive.get(name, 0.0) + x for name, x in of_record(by, number).items()}
+            moved.append(record._replace(drive={**record.drive, **changed}))
+        return prepare_all(moved, self.period, self.convention)
+
+    def without_delay(self, names: Sequence[str]) -> Prepared:
+        """The same, with its delay in the places of these edges."""
+        late = self.drive.get("delay", 0.0) / self.records[0].dt
+        raw = [r._replace(drive={name: x for name, x in r.drive.items() if name != "delay"}) for r in self.raw]
+        return self._replace(raw=raw).moved(dict.fromkeys(names, late))
 
     @property
     def firsts(self) -> list[First]:

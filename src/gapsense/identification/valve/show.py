@@ -27,7 +27,7 @@ from gapsense.identification.parameter_set import (
     write_set,
     write_table,
 )
-from gapsense.identification.residual import verdict
+from gapsense.identification.residual import hums, verdict
 from gapsense.identification.show import TWO_SIDED, Validation, about, compare, validation
 from gapsense.identification.temperature import Coefficient
 from gapsense.identification.valve import lossy_valve
@@ -102,7 +102,7 @@ def write_valve(
     result: Identified,
     known: Known,
     sources: Sequence[Path],
-    noises: Mapping[str, float],
+    tuning: Mapping[str, float],
     notes: Sequence[str] = (),
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
@@ -112,7 +112,7 @@ def write_valve(
     entries = [
         *(_entry(name, result) for name in names),
         *_gap(file, result, known),
-        *(Entry(name, value, "of the records, for estimators") for name, value in noises.items()),
+        *(Entry(name, value, "of the records, for estimators") for name, value in tuning.items()),
     ]
     return write_set(
         file,
@@ -277,6 +277,11 @@ def remarks(result: Identified) -> list[str]:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
+    if result.places:
+        said.append(
+            f"The {len(result.places)} edges of the voltage lie differently between two samples: the place of each is"
+            " sought, and its doubt is in the standard errors."
+        )
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     said += explanations(result)
@@ -307,6 +312,10 @@ def explanations(result: Identified) -> list[str]:
         f"{CAUSES[n].sentence} {quantity(shares[n].value, CAUSES[n].unit)} ({100.0 * shares[n].part:.0f} %)"
         for n in likely_causes(shares)
     ]
-    if result.is_explained or not found:
+    if result.is_explained:
+        return []
+    if said := hums(result.residuals):
+        return [f"Of what a record leaves, {said}: the usual cause is hum of the mains."]
+    if not found:
         return []
     return [f"Most likely causes, apart from other values of the parameters: {', or '.join(found)}."]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gapsense._os.processes import MARKS
 from gapsense.cosim.fmu.instance import STEP
 from gapsense.cosim.run.loop.reference import in_python
-from gapsense.cosim.run.part import NOT_FINITE, Advance, Exchange, Part, Work, first_exchange, first_turn
+from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import STOP
 from gapsense.cosim.scenario.records import Watch
 
@@ -134,8 +134,8 @@ def structure(guest: Guest, i: int, work: Work) -> PartInC:
         **common,
         fmi=part.instance.description.fmi,
         instance=part.instance.pointer,
-        inputs=exchange(part.set_inputs),
-        outputs=exchange(part.get_outputs),
+        inputs=exchange(part, part.givers),
+        outputs=exchange(part, part.readers),
         do_step=address(part.instance.function(STEP)),
         links=guest.links,
         link_count=len(guest.links),
@@ -162,10 +162,12 @@ def condition(watch: Watch) -> WatchInC:
     return WatchInC(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
 
 
-def exchange(call: Exchange) -> ExchangeInC:
-    """A call that moves values, for C."""
-    entry = address(call.entry) if call.function else None
-    return ExchangeInC(entry, call.references, len(call.references), call.values, len(call.values))
+def exchange(part: Part, channels: Sequence[Channel]) -> ExchangeInC:
+    """The call that moves values, if there are any, for C."""
+    for c in channels:
+        entry = address(part.instance.function(c.function))
+        return ExchangeInC(entry, c.references, len(c.references), c.values, len(c.values))
+    return ExchangeInC()
 
 
 def whole(work: Work, parts: Any) -> Loop:
@@ -214,8 +216,9 @@ def failure(guest: Guest, loop: Loop, cause: int) -> BaseException:
     if cause == IN_PYTHON:
         return guest.error or part.failure(guest.failed, loop.time, loop.next)
     part.status = loop.status
-    words = {AT_SET: part.set_inputs.function, AT_STEP: STEP, AT_GET: part.get_outputs.function}
-    return part.failure(words.get(cause, NOT_FINITE), loop.time, loop.next)
+    called = {AT_SET: part.givers, AT_GET: part.readers}.get(cause, ())
+    what = STEP if cause == AT_STEP else NOT_FINITE
+    return part.failure(called[0].function if called else what, loop.time, loop.next)
 
 
 # The C library that does base steps, for Linux on x86-64, and what it works on, as loop.c has it.

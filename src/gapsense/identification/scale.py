@@ -1,0 +1,52 @@
+"""The tuning of `Mhe` that goes with the size of a device: error of the model and windows, from what records show.
+
+The defaults are those of a valve of 0.4 A that moves within 2 ms, and stay as they are where they fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gapsense.estimators.mhe.model import Parameters
+from gapsense.identification.measurements.operations import true_runs
+from gapsense.identification.measurements.record import Record
+from gapsense.identification.residual import FLOOR, Residual
+from gapsense.identification.valve.model import JUMP, Trajectory
+
+LARGEST = 5e-3  # of the largest current: a model's error that is no more than believed
+SLOW = 2.0  # times `window.tail`, that a motion may last with it
+ROOM = 2.0  # times what an operation needs, that the longest window is
+MOST = 1998  # samples of a window, of the 2000 that `Mhe` has
+FINEST = 0.075  # of `window.tail`, that a sample may last
+DIGITS = 4
+
+
+def scaled(
+    records: Sequence[Record], models: Sequence[Trajectory], residuals: Sequence[Residual], known: Parameters
+) -> dict[str, float]:
+    """Parameters of `Mhe` that differ from those that are known, by name."""
+    largest = max(float(np.abs(record.current).max()) for record in records)
+    left = [float(np.sqrt(r.rms**2 - r.noise**2)) for r in residuals if not r.is_explained]
+    dt, spans = records[0].dt, [spans_of(record, model) for record, model in zip(records, models)]
+    motion, landing = (max(column) for column in zip(*spans))
+    tail = max(float(known.window_tail), motion if motion > SLOW * known.window_tail else 0.0, dt / FINEST)
+    longest = ROOM * (landing + tail)
+    found = {
+        "model.error": max(*left, FLOOR * largest, min(float(known.model_error), LARGEST * largest)),
+        "window.tail": tail,
+        "window.longest": min(max(float(known.window_longest), longest), MOST * dt),
+    }
+    rounded = {name: float(f"{x:.{DIGITS}g}") for name, x in found.items()}
+    return {name: x for name, x in rounded.items() if x != getattr(known, name.replace(".", "_"))}
+
+
+def spans_of(record: Record, model: Trajectory) -> tuple[float, float]:
+    """How long the longest motion lasts, and how long after an edge of the voltage the last one lands [s]."""
+    v, z = record.voltage[record.times.size - model.position.size :], model.position
+    moving = true_runs(np.diff(z) != 0.0)
+    edges = np.flatnonzero(np.abs(np.diff(v)) > JUMP * np.ptp(v))
+    lands = [b - edges[edges < b][-1] for _, b in moving if (edges < b).any()]
+    lengths = [b - a for a, b in moving]
+    return record.dt * max(lengths, default=0), record.dt * float(max(lands, default=0))
