@@ -1660,6 +1660,8 @@ class Monitor(Runnable):
         Size from which an operation is strange, in usual sizes.
     limit_worn : float, at least 0.1, by default 2.0
         The same of what has moved since the baseline, in usual wanderings.
+    least_size : float [A], at least 0, by default 0.0007
+        Usual size of a profile at least, however quiet the sensor is.
     learn_windows : float, at least 2, by default 60.0
         Good windows that make a baseline.
     baseline_windows : float, at least 0, by default 0.0
@@ -1909,6 +1911,7 @@ class Monitor(Runnable):
         settle: float = ...,
         limit_strange: float = ...,
         limit_worn: float = ...,
+        least_size: float = ...,
         learn_windows: float = ...,
         baseline_windows: float = ...,
         baseline_size: float = ...,

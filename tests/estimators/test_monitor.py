@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gapsense.estimators.monitor import monitor
-from gapsense.estimators.monitor.records import Inputs, Kept, Parameters, Verdict
+from gapsense.estimators.monitor.records import Inputs, Kept, Outputs, Parameters, Verdict
 from gapsense.estimators.monitor.signatures import CAUSES, GRADUAL, SUDDEN
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat, names
@@ -24,7 +24,7 @@ PHASES = [
 VALUES = np.array([48.0, 1e-3, 1.0, 0.5, 25e-3, 8e-3, 1.6e-3, 19e-3])
 STD = 0.002
 USUAL = 1e-3  # deviation of a mean innovation [A]
-OUTPUTS = names(monitor.Outputs)
+OUTPUTS = names(Outputs)
 
 
 class Bench:

@@ -179,7 +179,7 @@ def _judge(state: State, par: Parameters) -> State:
 
     def learn() -> State:
         is_usual = not_(is_abnormal | is_still) & (state.baseline.taught > 0.0)
-        taught = when(is_usual, lambda b: _teach(b, means, is_closing), state.baseline)
+        taught = when(is_usual, lambda b: _teach(b, means, is_closing, par), state.baseline)
         profile = _with_half(course.profile, deviation, is_closing)
         return state._replace(baseline=taught, course=course._replace(profile=profile))
 
@@ -326,18 +326,19 @@ def _lay(state: State, values: Array, inputs: Inputs, par: Parameters) -> State:
     return state._replace(baseline=baseline, course=state.course._replace(verdict=verdict))
 
 
-def _teach(old: Baseline, means: Array, is_closing: Scalar) -> Baseline:
+def _teach(old: Baseline, means: Array, is_closing: Scalar, par: Parameters) -> Baseline:
     """The usual profile with an operation more, by Welford's method."""
     closings, openings = old.closings + flag(is_closing), old.openings + flag(not_(is_closing))
     n, before = where(is_closing, closings, openings), _half(old.usual, is_closing)
     after = before + (means - before) / n
     squares = old.squares + (means - before) @ (means - after)
+    size = sqrt(squares / where(closings + openings > 2.0, closings + openings - 2.0, 1.0))
     return old._replace(
         usual=_with_half(old.usual, after, is_closing),
         closings=closings,
         openings=openings,
         squares=squares,
-        usual_size=sqrt(squares / where(closings + openings > 2.0, closings + openings - 2.0, 1.0)),
+        usual_size=where(size < par.least_size, par.least_size, size),
     )
 
 

@@ -52,6 +52,7 @@ class Parameters(NamedTuple):
     limit_worn: Scalar = parameter(
         "1", "The same of what has moved since the baseline, in usual wanderings", 2.0, min=0.1
     )
+    least_size: Scalar = parameter("A", "Usual size of a profile, at least", 0.7e-3, min=0.0)
     learn_windows: Scalar = parameter("1", "Good windows that make a baseline", 60.0, min=2.0)
     baseline_windows: Scalar = parameter(
         "1", "Windows behind the baseline below; fewer than learn.windows: it is learnt", 0.0, min=0.0
