@@ -50,7 +50,7 @@ class Parameters(NamedTuple):
     settle: Scalar = parameter("s", "Time after a landing that has a mean innovation of its own", 3e-3, min=0.0)
     limit_strange: Scalar = parameter("1", "Size from which an operation is strange, in usual sizes", 3.0, min=1.0)
     limit_worn: Scalar = parameter(
-        "1", "The same of what has moved since the baseline, in usual wanderings", 2.0, min=0.1
+        "1", "Size of what has moved from which a device is worn, in usual wanderings", 3.0, min=0.1
     )
     least_size: Scalar = parameter("A", "Usual size of a profile, at least", 0.7e-3, min=0.0)
     learn_windows: Scalar = parameter("1", "Good windows that make a baseline", 60.0, min=2.0)
