@@ -2,26 +2,41 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
+
+sys.path.append(str(Path(__file__).parent / "fmus"))  # with helpers
 
 import pytest
 import typer.testing
+import warm
 from hypothesis import HealthCheck, settings
 
-from gapsense._os import locks
+from gapsense._os import locks, processes
 from gapsense._os.native import ZIG, NativeError, zig_version
 from gapsense.fmi.components import find_components
 from gapsense.fmi.native import package
 from gapsense.fmi.native.platforms import chosen, compilers
 
 ROOT = Path(__file__).resolve().parents[1]
+STARTED = {  # files whose tests are about processes themselves, and how they start and end
+    *("test_strays", "test_apart", "test_remote", "test_wandering", "test_unpacked", "test_shadows", "test_interrupt"),
+    *("test_workers", "test_processes", "test_cluster", "test_run"),
+}
+LONG = (  # files that take minutes in the long tests, the longest first, and those of the quick ones after them
+    *("test_site", "test_platforms", "test_export", "test_everywhere", "test_benchmarks", "test_run_to_run_demands"),
+    *("test_profiles", "test_estimators", "test_forged_states", "test_identification_losses", "test_parity"),
+    *("test_identification", "test_run_to_run", "test_contract", "test_sweep", "test_runnable", "test_hosts"),
+)
+gc.disable()  # until all tests have been found, which takes three times as long with it
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed
 settings.load_profile("busy")
 os.environ.setdefault(
@@ -30,6 +45,26 @@ os.environ.setdefault(
 os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
 if hasattr(typer.testing, "_get_command"):  # else every call of a command makes all of them anew, in 60 ms
     typer.testing._get_command = cache(typer.testing._get_command)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long files first, so that both workers end at the same time."""
+    items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
+
+
+def pytest_collection_finish() -> None:
+    """Ten thousand tests need not be looked at each time that memory is cleared up."""
+    gc.freeze()
+    gc.enable()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def warm_workers(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Worker processes are forks of one that has loaded what they need: the start of each would take 0.2 s."""
+    with pytest.MonkeyPatch.context() as patch:
+        if sys.platform == "linux" and request.path.stem not in STARTED:
+            patch.setattr(processes, "subprocess", SimpleNamespace(**{**vars(subprocess), "Popen": warm.Worker}))
+        yield
 
 
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:

@@ -51,7 +51,9 @@ def test_minimal_scenario_has_steps_that_fit(valve):
     assert remarks(valve(base_step="40e-6")) == []
 
 
-@pytest.mark.parametrize("step", ["20e-3", "2e-3", "200e-6", "40e-3", "4e-3"])
+@pytest.mark.parametrize(
+    "step", ["20e-3", "200e-6", *(pytest.param(step, marks=pytest.mark.slow) for step in ("2e-3", "4e-3", "40e-3"))]
+)
 def test_coarse_step_is_told_wherever_it_is_run(valve, step):
     path = valve(base_step=step)
     assert re.search(r"components\.sensor: its step is \S+ s, \d+ times `sample_time`, 2e-05 s", said(path))

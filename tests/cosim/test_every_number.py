@@ -16,6 +16,7 @@ from gapsense.tables import parsed as read
 
 NUMBERS = (1e308, -1e308, 1e300, 5e-324, 2**63, 2**53, 2**31, 10**18, 1e18, 1e16, -1, -1.0, 0, 0.0, -0.0, 1, 1e-9, 7.3)
 NUMBERS += (math.nan, math.inf, -math.inf)
+FEW = (1e308, -1e308, 5e-324, 2**63, 10**18, -1, 0, 1e-9, 7.3, math.nan, math.inf)
 WHOLE = """
 title = "Everything"
 
@@ -193,8 +194,11 @@ def test_scenario_is_good(fmus):
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("path", places(read(WHOLE)), ids=lambda path: ".".join(map(str, path)))
-def test_any_number_is_run_or_refused(fmus, path):
-    for value in NUMBERS:
+@pytest.mark.parametrize(
+    "numbers", [pytest.param(FEW, id="few"), pytest.param(NUMBERS, id="all", marks=pytest.mark.slow)]
+)
+def test_any_number_is_run_or_refused(fmus, path, numbers):
+    for value in numbers:
         source, begin = changed(path, value), time.monotonic()
         problems = check(source, fmus=fmus)
         for problem in problems:

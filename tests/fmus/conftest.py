@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # the helpers of this folder can
 
 from drivers import ROOT, break_kernel, fresh
 from hosting import SLAVE, SLAVES, build_slaves
-from parts import FOLDERS, Part, tuned
+from parts import FEW, FOLDERS, Part, tuned
 
 from gapsense.fmi.components import load_component
 
@@ -44,29 +44,37 @@ def all_fmus(fmus: Path) -> list[str]:
     return [str(fmus / f"{load_component(folder).name}.fmu") for folder in FOLDERS]
 
 
-@pytest.fixture(scope="session")
-def rebuilt(shared: Shared) -> Path:
+@pytest.fixture
+def group(request: pytest.FixtureRequest) -> tuple[str, list[Path]]:
+    """The components that are built again together with that of the test: a few, or in the long tests all others."""
+    is_long = "part" in request.fixturenames and request.getfixturevalue("part").folder.name not in FEW
+    return "others" if is_long else "few", [f for f in FOLDERS if (f.name in FEW) != is_long]
+
+
+@pytest.fixture
+def rebuilt(shared: Shared, group: tuple[str, list[Path]]) -> Path:
     """Folder with the FMUs of a second build by another process, from elsewhere, with another seed of hashes."""
 
     def build(folder: Path) -> None:
         folder.mkdir()
-        command = [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(folder)]
+        names = [load_component(each).name for each in group[1]]
+        command = [sys.executable, str(ROOT / "build_fmus.py"), "--out", str(folder), *names]
         env = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONHASHSEED": "12345"}
         subprocess.run(command, cwd=folder, env=env, check=True, capture_output=True)
 
-    return shared("rebuilt", build)
+    return shared(f"rebuilt-{group[0]}", build)
 
 
-@pytest.fixture(scope="session")
-def second(shared: Shared) -> tuple[Path, dict[str, str]]:
-    """Folder with a second version of every FMU, and the parameter of each whose start value has changed."""
+@pytest.fixture
+def second(shared: Shared, group: tuple[str, list[Path]]) -> tuple[Path, dict[str, str]]:
+    """Folder with a second version of the FMUs, and the parameter of each whose start value has changed."""
 
     def build(folder: Path) -> None:
         folder.mkdir()
-        changed = fresh("build_second_versions", [str(f) for f in FOLDERS], folder, folder / "fmus")
+        changed = fresh("build_second_versions", [str(f) for f in group[1]], folder, folder / "fmus")
         (folder / "changed.json").write_text(json.dumps(changed), encoding="utf-8")
 
-    folder = shared("second", build)
+    folder = shared(f"second-{group[0]}", build)
     return folder / "fmus", json.loads((folder / "changed.json").read_text(encoding="utf-8"))
 
 

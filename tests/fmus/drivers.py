@@ -16,12 +16,16 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import warm
+
 if __name__ == "__main__" or TYPE_CHECKING:
     from fmu_host import LOG, FMICallException, Fmu, Instance, attempt
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = 300
 LONG = 5000  # steps of an experiment
+IMPORTS = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import fmu_host"
+RUN = f"import runpy; runpy.run_path({__file__!r}, run_name='__main__')"
 AWKWARD = "für 100 %s %n #1"  # as the name of an instance and of a folder
 
 
@@ -31,17 +35,18 @@ def communication_step(step: float, stop: float) -> float:
 
 
 def call(function: str, *arguments: Any) -> subprocess.CompletedProcess[str]:
-    """Run a function of this file in a fresh process."""
+    """Run a function of this file in a process that Python has started just now."""
     return _call(function, json.dumps(arguments, default=str))
 
 
-def _call(function: str, given: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, __file__, function]
+def _call(function: str, given: str, is_warm: bool = False) -> subprocess.CompletedProcess[str]:
     env = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHONPATH", "COV_"))}  # sees nothing of ours
     with tempfile.TemporaryDirectory() as folder:  # FMUs are extracted into it
         env["TMPDIR"] = folder
+        if is_warm:
+            return warm.run(RUN, function, imports=IMPORTS, given=given, env=env, seconds=120)
         options = {"capture_output": True, "text": True, "encoding": "utf-8", "timeout": 120}
-        return subprocess.run(command, input=given, env=env, **options)
+        return subprocess.run([sys.executable, __file__, function], input=given, env=env, **options)
 
 
 def fresh(function: str, *arguments: Any) -> Any:
@@ -51,7 +56,7 @@ def fresh(function: str, *arguments: Any) -> Any:
 
 @cache
 def _fresh(function: str, given: str) -> Any:
-    done = _call(function, given)
+    done = _call(function, given, is_warm=True)
     assert done.returncode == 0, f"{function} ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
     return json.loads(done.stdout.splitlines()[-1])
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import pytest
 from drivers import ROOT
 
 from gapsense.fmi.components import find_components
@@ -14,6 +15,15 @@ LARGEST = (
     365e3  # bytes of a native FMU for two platforms; checks of indices cost some 5 %, our own exp, log and tanh 3 %
 )
 FOLDERS = find_components(ROOT / "fmus")
+
+
+FEW = ("drive_voltage", "ertss", "sensor", "solenoid_valve")  # with a table, large memory, noise, and none of these
+
+
+def some(*normal: str) -> list[Any]:
+    """All components; those that are not named only in the long tests."""
+    slow = pytest.mark.slow
+    return [pytest.param(f, id=f.name, marks=() if f.name in normal else slow) for f in FOLDERS]
 
 
 class Part(NamedTuple):

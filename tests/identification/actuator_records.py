@@ -6,6 +6,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from c_code import fresh
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.actuators.reluctance_actuator import Parameters
@@ -14,13 +15,10 @@ from gapsense.fmi.components import kernel_parameters, own
 from gapsense.identification.actuator import fit as problem
 from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.record import Columns, Record, to_record
-from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.layout import flat
 from gapsense.scenarios.estimators.parameters import VALVE
 from gapsense.studies.devices import RTS_VALVE
 
 FINE = 5e-6  # s; step of the device, and where edges may lie
-KERNEL = Kernel(reluctance_actuator)
 CURRENT, POSITION = map(reluctance_actuator.Outputs._fields.index, ("current", "position"))
 VARIED = (
     *("coil_resistance", "core_length", "core_area", "core_magnetization", "core_shape", "core_pinning"),
@@ -131,9 +129,9 @@ def run(device: Parameters, d: Drive) -> np.ndarray:
 
 @cache
 def simulated(values: tuple[float, ...], d: Drive) -> np.ndarray:
-    par = flat(RTS_VALVE._replace(**dict(zip(VARIED, values))))
-    count, step = round((d.rest + d.pulses * d.period) / FINE), KERNEL.scalar["step"]
-    state, outputs = KERNEL.scalar["initial"]((0.0, 0.0, 0.0), par)
+    par, kernel = RTS_VALVE._replace(**dict(zip(VARIED, values))), fresh(reluctance_actuator)
+    count, outputs = round((d.rest + d.pulses * d.period) / FINE), kernel.outputs
+    kernel.call("initial", (0.0, 0.0, 0.0), par)
     rows, has_ended = [(0.0, 0.0, outputs[POSITION])], True
     for k in range(1, count + 1):
         t = (k - 0.5) * FINE - d.rest
@@ -142,7 +140,7 @@ def simulated(values: tuple[float, ...], d: Drive) -> np.ndarray:
         has_ended = not is_on and (has_ended or (rows[-1][1] < 1e-4 and rows[-1][0] < 0.0))
         is_off = d.carrier and within >= d.peak and within % d.carrier >= d.duty * d.carrier
         u = (-d.drop if is_off else d.volts) if is_on else 0.0 if has_ended else -(d.clamp or d.drop)
-        state, outputs = step(state, (k * FINE, FINE, u), par)
+        kernel.call("step", (k * FINE, FINE, u), par)
         rows.append((u, outputs[CURRENT], outputs[POSITION]))
     return np.array(rows)
 

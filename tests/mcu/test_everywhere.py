@@ -6,6 +6,7 @@ import itertools
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,6 +43,12 @@ CASES = [
 ]
 
 
+@cache
+def wanted(name: str) -> list[list[float]]:
+    """What every machine must print."""
+    return expected(designed(FOLDERS[name], "double"))
+
+
 @pytest.mark.parametrize(("machine", "name"), CASES)
 def test_double_has_the_same_bits_on_other_machines(machine: str, name: str, tmp_path: Path) -> None:
     compiler, runner = MACHINES[machine]
@@ -55,7 +62,7 @@ def test_double_has_the_same_bits_on_other_machines(machine: str, name: str, tmp
     files = [str(tmp_path / f"{design.name}{ending}.c") for ending in ("", "_main")]
     subprocess.run([*compiler, *files, "-lm", "-o", str(program)], check=True, capture_output=True)
     done = subprocess.run([*runner, str(program)], check=True, capture_output=True, text=True)
-    assert same(read(design, done.stdout), expected(design))
+    assert same(read(design, done.stdout), wanted(name))
 
 
 @pytest.mark.slow
@@ -67,4 +74,4 @@ def test_double_has_the_same_bits_on_microcontrollers(name: str, board: str, tmp
     design = designed(FOLDERS[name], "double")
     export([design], tmp_path)
     program = build(design, tmp_path, BOARDS[board], "-Os", tmp_path / f"{design.name}_main.c")
-    assert same(read(design, run(program, BOARDS[board])), expected(design))
+    assert same(read(design, run(program, BOARDS[board])), wanted(name))

@@ -7,8 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from parts import Part
-from test_natives import some
+from parts import Part, some
 from test_robust import gcc, sanitized  # noqa: F401
 from unpacked_native import Unpacked, compiled_host
 
@@ -25,7 +24,7 @@ def sizes_of(part: Part) -> list[int]:
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("part", some("semera", "run_to_run"), indirect=True)
+@pytest.mark.parametrize("part", some("semera"), indirect=True)
 def test_no_number_of_a_state_leads_out_of_memory(part: Part, unpacked: Unpacked, tmp_path: Path) -> None:
     [library] = sanitized(unpacked)
     host = compiled_host(("gcc",), tmp_path / "host", "-lm", source="forge.c")

@@ -6,24 +6,17 @@ import re
 import subprocess
 import zipfile
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import pytest
 from drivers import ROOT
 from fmpy.validation import validate_fmu
-from parts import FOLDERS, LARGEST, Part
+from parts import FOLDERS, LARGEST, Part, some
 from unpacked_native import STRICT, Unpacked, bits, expected, outputs
 
 from gapsense.fmi.components import kernel_of, load_component
 from gapsense.fmi.sentences import say
-
-
-def some(*normal: str) -> list[Any]:
-    """All components; those that are not named only in the long tests."""
-    slow = pytest.mark.slow
-    return [pytest.param(f, id=f.name, marks=() if f.name in normal else slow) for f in FOLDERS]
 
 
 def test_gives_the_reference_to_the_last_bit(part: Part, unpacked: Unpacked, host: Path) -> None:

@@ -13,9 +13,8 @@ from pathlib import Path
 
 import pytest
 from drivers import ROOT, call, fresh
-from parts import FOLDERS, Part, sample_time, tuned
+from parts import FOLDERS, Part, sample_time, some, tuned
 from refusals import refusals
-from test_natives import some
 from unpacked_native import STRICT, Unpacked, bits, compiled_host, expected, outputs, unpack
 
 SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")

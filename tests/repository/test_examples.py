@@ -27,7 +27,11 @@ def example(request: pytest.FixtureRequest) -> Path:
 
 
 @pytest.mark.parametrize(
-    "file", [pytest.param(f, marks=[pytest.mark.slow] * (f.stem == "your_valve"), id=f.stem) for f in EXAMPLES]
+    "file",
+    [
+        pytest.param(f, marks=[pytest.mark.slow] * (f.stem in ("soft_landing", "your_valve")), id=f.stem)
+        for f in EXAMPLES
+    ],
 )
 def test_example_runs_and_its_page_shows_it(file):
     with CELLS["elsewhere"]():

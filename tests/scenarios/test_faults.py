@@ -22,6 +22,12 @@ FAULTS = ROOT / "scenarios" / "faults"
 VOLTAGE, STEP, COUNT = 30.0, 25e-6, 400
 
 
+@pytest.fixture(scope="module")
+def fmus(natives):
+    """Native ones, which have the bits of the Python ones in all scenarios: tests/native/test_scenarios.py."""
+    return natives
+
+
 def valve(fmus, name="SolenoidValve", step=STEP, **values):
     """A valve that is switched on at the start."""
     scenario = Scenario("coil", fmus=fmus, stop=COUNT * STEP, base_step=step)

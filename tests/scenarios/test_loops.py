@@ -18,6 +18,12 @@ VOLUME = 0.055 * 1.26e-5
 
 
 @pytest.fixture(scope="module")
+def fmus(natives):
+    """Native ones, which have the bits of the Python ones in all scenarios: tests/native/test_scenarios.py."""
+    return natives
+
+
+@pytest.fixture(scope="module")
 def loops(fmus):
     return run(ROOT / "scenarios" / "hysteresis_loops", None, fmus)
 

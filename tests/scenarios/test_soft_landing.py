@@ -51,6 +51,12 @@ signals = ["actuator.position", "actuator.mode", "actuator.velocity", "drive.vol
 """
 
 
+@pytest.fixture(scope="module")
+def fmus(natives):
+    """Native ones, which have the bits of the Python ones in all scenarios: tests/native/test_scenarios.py."""
+    return natives
+
+
 def entries(values):
     return ", ".join(f'"{name}" = {value!r}'.replace("'", '"') for name, value in values.items())
 

@@ -134,6 +134,12 @@ reference = "valve.coil.resistance"
 """
 
 
+@pytest.fixture(scope="module")
+def fmus(natives):
+    """Native ones, which have the bits of the Python ones in all scenarios: tests/native/test_scenarios.py."""
+    return natives
+
+
 def differing(fmus, scenario, variant, runs, every=1):
     """Names of what differs between runs through FMUs and as vectors."""
     subject = Subject(*prepare(scenario, variant, fmus))

@@ -160,7 +160,7 @@ def flat_parameters(part, loop, run):
     return record(cls, [c if isinstance(c, list) else float(c[0, run % c.size]) for c in columns])
 
 
-@pytest.mark.parametrize("law", ["contact", "model"])
+@pytest.mark.parametrize("law", ["contact", pytest.param("model", marks=pytest.mark.slow)])
 def test_both_laws_arrive_and_get_softer(law):
     found = outcome(law, PLAIN, 1, range(6), 12)
     assert found.speeds.shape == (12, 2, 6) and found.energy.shape == (12, 6)
@@ -195,6 +195,7 @@ def test_a_converter_tells_means_of_complete_samples():
     assert [tuple(o) for o in told] == [(0.0, 1.0), (0.0, 1.0), (6.0, 3.0), (6.0, 3.0), (2.0, 6.0)]
 
 
+@pytest.mark.slow
 def test_means_of_the_half_bridge_are_those_of_its_pulses():
     """The mean voltage of a sample is what the controller wanted, within the bridge's limits."""
     condition = CONDITIONS["half-bridge"]
@@ -250,7 +251,14 @@ def told_and_true(name: str, cycles: int = CHANGED + 2) -> list[dict[str, np.nda
     return found
 
 
-@pytest.mark.parametrize("name", [name for name, condition in CONDITIONS.items() if condition.disturbance])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=() if name in ("missed", "supply") else pytest.mark.slow)
+        for name, condition in CONDITIONS.items()
+        if condition.disturbance
+    ],
+)
 def test_a_disturbance_is_where_it_is_said_to_be(name):
     error = CONDITIONS[name].disturbance
     shares = []
@@ -314,7 +322,7 @@ def test_fisher_basis_is_the_plane_in_which_the_profile_changes_most():
         assert change[0] > change[1] > change[2]
 
 
-@pytest.mark.parametrize("law", ["nelder-mead", "fisher"])
+@pytest.mark.parametrize("law", ["nelder-mead", pytest.param("fisher", marks=pytest.mark.slow)])
 def test_searches_get_somewhere(law):
     found = outcome(law, PLAIN, 1, range(6), 25)
     assert not found.is_ordinary.any()  # or a search would take an ordinary landing for that of its own point
