@@ -1658,10 +1658,10 @@ class Monitor(Runnable):
         Time after a landing that has a mean innovation of its own.
     limit_strange : float, at least 1, by default 3.0
         Size from which an operation is strange, in usual sizes.
-    limit_worn : float, at least 0.1, by default 2.0
-        The same of what has moved since the baseline, in usual wanderings.
+    limit_worn : float, at least 0.1, by default 3.0
+        Size of what has moved from which a device is worn, in usual wanderings.
     least_size : float [A], at least 0, by default 0.0007
-        Usual size of a profile at least, however quiet the sensor is.
+        Usual size of a profile, at least.
     learn_windows : float, at least 2, by default 60.0
         Good windows that make a baseline.
     baseline_windows : float, at least 0, by default 0.0
