@@ -34,7 +34,7 @@ def run_figure(result: Result) -> Figure:
     line(position, t, 1e3 * result["actuator.position"], TRUE, "true")
     line(position, t, 1e3 * result["mhe.position"], FIRST, "Mhe")
     line(size, t, np.maximum(result["monitor.strangeness"], 0.1), FIRST)
-    size.set_yscale("log")
+    size.set(yscale="log", ylim=(0.1, 1e3))
     for cause in CAUSES:
         found = result[f"monitor.evidence_{cause}"]
         if found.max() > 0.1:
