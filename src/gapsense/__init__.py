@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gapsense.components import HybridEkf as HybridEkf
     from gapsense.components import IntegralEstimator as IntegralEstimator
     from gapsense.components import Mhe as Mhe
+    from gapsense.components import Monitor as Monitor
     from gapsense.components import PlayActuator as PlayActuator
     from gapsense.components import PotMagnet as PotMagnet
     from gapsense.components import ReluctanceActuator as ReluctanceActuator
@@ -59,6 +60,7 @@ __all__ = [
     "HybridEkf",
     "IntegralEstimator",
     "Mhe",
+    "Monitor",
     "PlayActuator",
     "PotMagnet",
     "ReluctanceActuator",

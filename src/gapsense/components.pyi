@@ -1492,6 +1492,506 @@ class Mhe(Runnable):
     ) -> MheOutputs: ...
 
 
+class MonitorOutputs(NamedTuple):
+    verdict: float
+    cause: float
+    onset: float
+    faults: float
+    passed: float
+    commands: float
+    motions: float
+    strangeness: float
+    wear: float
+    evidence_stuck_upper: float
+    evidence_stuck_lower: float
+    evidence_lower_stop: float
+    evidence_upper_stop: float
+    evidence_spring: float
+    evidence_turns: float
+    evidence_contact: float
+    evidence_open: float
+    evidence_supply: float
+    evidence_gain: float
+    evidence_friction: float
+    evidence_still: float
+    since_stuck_upper: float
+    since_stuck_lower: float
+    since_lower_stop: float
+    since_upper_stop: float
+    since_spring: float
+    since_turns: float
+    since_contact: float
+    since_open: float
+    since_supply: float
+    since_gain: float
+    since_friction: float
+    since_still: float
+    profile_closing_before: float
+    profile_closing_moving: float
+    profile_closing_landed: float
+    profile_closing_held: float
+    profile_opening_before: float
+    profile_opening_moving: float
+    profile_opening_landed: float
+    profile_opening_held: float
+    moved_resistance: float
+    moved_eddy: float
+    moved_gap_factor: float
+    moved_knee: float
+    moved_saturation: float
+    moved_hysteresis: float
+    moved_mass: float
+    moved_rest_position: float
+    trend_resistance: float
+    trend_eddy: float
+    trend_gap_factor: float
+    trend_knee: float
+    trend_saturation: float
+    trend_hysteresis: float
+    trend_mass: float
+    trend_rest_position: float
+    baseline_windows: float
+    baseline_size: float
+    baseline_closing_before: float
+    baseline_closing_moving: float
+    baseline_closing_landed: float
+    baseline_closing_held: float
+    baseline_opening_before: float
+    baseline_opening_moving: float
+    baseline_opening_landed: float
+    baseline_opening_held: float
+    baseline_resistance: float
+    baseline_eddy: float
+    baseline_gap_factor: float
+    baseline_knee: float
+    baseline_saturation: float
+    baseline_hysteresis: float
+    baseline_mass: float
+    baseline_rest_position: float
+
+class MonitorResponse(Response):
+    verdict: Floats
+    cause: Floats
+    onset: Floats
+    faults: Floats
+    passed: Floats
+    commands: Floats
+    motions: Floats
+    strangeness: Floats
+    wear: Floats
+    evidence_stuck_upper: Floats
+    evidence_stuck_lower: Floats
+    evidence_lower_stop: Floats
+    evidence_upper_stop: Floats
+    evidence_spring: Floats
+    evidence_turns: Floats
+    evidence_contact: Floats
+    evidence_open: Floats
+    evidence_supply: Floats
+    evidence_gain: Floats
+    evidence_friction: Floats
+    evidence_still: Floats
+    since_stuck_upper: Floats
+    since_stuck_lower: Floats
+    since_lower_stop: Floats
+    since_upper_stop: Floats
+    since_spring: Floats
+    since_turns: Floats
+    since_contact: Floats
+    since_open: Floats
+    since_supply: Floats
+    since_gain: Floats
+    since_friction: Floats
+    since_still: Floats
+    profile_closing_before: Floats
+    profile_closing_moving: Floats
+    profile_closing_landed: Floats
+    profile_closing_held: Floats
+    profile_opening_before: Floats
+    profile_opening_moving: Floats
+    profile_opening_landed: Floats
+    profile_opening_held: Floats
+    moved_resistance: Floats
+    moved_eddy: Floats
+    moved_gap_factor: Floats
+    moved_knee: Floats
+    moved_saturation: Floats
+    moved_hysteresis: Floats
+    moved_mass: Floats
+    moved_rest_position: Floats
+    trend_resistance: Floats
+    trend_eddy: Floats
+    trend_gap_factor: Floats
+    trend_knee: Floats
+    trend_saturation: Floats
+    trend_hysteresis: Floats
+    trend_mass: Floats
+    trend_rest_position: Floats
+    baseline_windows: Floats
+    baseline_size: Floats
+    baseline_closing_before: Floats
+    baseline_closing_moving: Floats
+    baseline_closing_landed: Floats
+    baseline_closing_held: Floats
+    baseline_opening_before: Floats
+    baseline_opening_moving: Floats
+    baseline_opening_landed: Floats
+    baseline_opening_held: Floats
+    baseline_resistance: Floats
+    baseline_eddy: Floats
+    baseline_gap_factor: Floats
+    baseline_knee: Floats
+    baseline_saturation: Floats
+    baseline_hysteresis: Floats
+    baseline_mass: Floats
+    baseline_rest_position: Floats
+
+class Monitor(Runnable):
+    """
+    Condition of a device by what Mhe says of it: healthy or not, since when, why, and where it goes.
+
+    Parameters
+    ----------
+    sample_time : float [s], at least 1e-09, by default 2e-05
+        Sampling period; the communication step is a whole multiple or a whole fraction of it.
+    settle : float [s], at least 0, by default 0.003
+        Time after a landing that has a mean innovation of its own.
+    limit_strange : float, at least 1, by default 3.0
+        Size from which an operation is strange, in usual sizes.
+    limit_worn : float, at least 0.1, by default 3.0
+        Size of what has moved from which a device is worn, in usual wanderings.
+    least_size : float [A], at least 0, by default 0.0007
+        Usual size of a profile, at least.
+    learn_windows : float, at least 2, by default 60.0
+        Good windows that make a baseline.
+    baseline_windows : float, at least 0, by default 0.0
+        Windows behind the baseline below; fewer than learn.windows: it is learnt.
+    baseline_size : float [A], at least 0, by default 0.001
+        Usual size of a profile; counts with baseline.windows.
+    baseline_closing_before : float [A], by default 0.0
+        Usual mean innovation before the motion, closing; counts with baseline.windows.
+    baseline_closing_moving : float [A], by default 0.0
+        Usual mean innovation in the motion, closing; counts with baseline.windows.
+    baseline_closing_landed : float [A], by default 0.0
+        Usual mean innovation after the landing, closing; counts with baseline.windows.
+    baseline_closing_held : float [A], by default 0.0
+        Usual mean innovation in the rest, closing; counts with baseline.windows.
+    baseline_opening_before : float [A], by default 0.0
+        Usual mean innovation before the motion, opening; counts with baseline.windows.
+    baseline_opening_moving : float [A], by default 0.0
+        Usual mean innovation in the motion, opening; counts with baseline.windows.
+    baseline_opening_landed : float [A], by default 0.0
+        Usual mean innovation after the landing, opening; counts with baseline.windows.
+    baseline_opening_held : float [A], by default 0.0
+        Usual mean innovation in the rest, opening; counts with baseline.windows.
+    baseline_resistance : float, by default 0.0
+        Logarithm of the resistance of the healthy device; counts with baseline.windows.
+    baseline_eddy : float, by default 0.0
+        Logarithm of the eddy currents of the healthy device; counts with baseline.windows.
+    baseline_gap_factor : float, by default 0.0
+        Logarithm of the gap factor of the healthy device; counts with baseline.windows.
+    baseline_knee : float, by default 0.0
+        Logarithm of the knee of the healthy device; counts with baseline.windows.
+    baseline_saturation : float, by default 0.0
+        Logarithm of the saturation of the healthy device; counts with baseline.windows.
+    baseline_hysteresis : float, by default 0.0
+        Logarithm of the hysteresis of the healthy device; counts with baseline.windows.
+    baseline_mass : float, by default 0.0
+        Logarithm of the mass of the healthy device; counts with baseline.windows.
+    baseline_rest_position : float, by default 0.0
+        Logarithm of the rest position of the healthy device; counts with baseline.windows.
+
+    Inputs of run and step
+    ----------------------
+    command : float
+        Above 0.5: the coil is to be switched on.
+    current : float [A]
+        Measured coil current; NaN where it was lost.
+    innovation : float [A]
+        Innovation.
+    mode : float, 0 to 3
+        Mode that Mhe expects: 2 moving.
+    health_causes : float, at least 0
+        Why Mhe is not healthy: bit 1 counts.
+    windows : float, at least 0
+        Windows solved so far.
+    misfit : float, at least 0
+        Misfit of the last one.
+    resistance : float [Ohm]
+        `resistance` of Mhe.
+    eddy : float [S]
+        `eddy` of Mhe.
+    gap_factor : float
+        `gap_factor` of Mhe.
+    knee : float [A]
+        `knee` of Mhe.
+    saturation : float [Wb]
+        `saturation` of Mhe.
+    hysteresis : float [A]
+        `hysteresis` of Mhe.
+    mass : float [kg]
+        `mass` of Mhe.
+    rest_position : float [m]
+        `rest_position` of Mhe.
+    resistance_std : float [Ohm]
+        `resistance_std` of Mhe.
+    eddy_std : float [S]
+        `eddy_std` of Mhe.
+    gap_factor_std : float
+        `gap_factor_std` of Mhe.
+    knee_std : float [A]
+        `knee_std` of Mhe.
+    saturation_std : float [Wb]
+        `saturation_std` of Mhe.
+    hysteresis_std : float [A]
+        `hysteresis_std` of Mhe.
+    mass_std : float [kg]
+        `mass_std` of Mhe.
+    rest_position_std : float [m]
+        `rest_position_std` of Mhe.
+
+    Outputs
+    -------
+    verdict : float, 0 to 3
+        0: learning, 1: healthy, 2: worn, 3: faulty.
+    cause : float, 0 to 12
+        The most likely cause, by the number of its evidence; 0: none, or one that is not known.
+    onset : float [s]
+        Begin of the first operation of the last fault; 0: there was none.
+    faults : float, at least 0
+        Faults so far.
+    passed : float, at least 0
+        Faults that have passed: the device is healthy again.
+    commands : float, at least 0
+        Operations that were commanded and are over.
+    motions : float, at least 0
+        Those with a motion.
+    strangeness : float, at least 0
+        Size of the last operation's profile, in usual sizes.
+    wear : float, at least 0
+        Size of what has moved since the baseline, in usual wanderings.
+    evidence_stuck_upper : float, 0 to 1
+        Evidence, 0 to 1: stuck at the upper stop.
+    evidence_stuck_lower : float, 0 to 1
+        Evidence, 0 to 1: stuck at the lower stop.
+    evidence_lower_stop : float, 0 to 1
+        Evidence, 0 to 1: lower stop higher.
+    evidence_upper_stop : float, 0 to 1
+        Evidence, 0 to 1: upper stop lower.
+    evidence_spring : float, 0 to 1
+        Evidence, 0 to 1: spring weaker or broken.
+    evidence_turns : float, 0 to 1
+        Evidence, 0 to 1: turns shorted.
+    evidence_contact : float, 0 to 1
+        Evidence, 0 to 1: resistance in the circuit higher at once, as of a contact.
+    evidence_open : float, 0 to 1
+        Evidence, 0 to 1: circuit open.
+    evidence_supply : float, 0 to 1
+        Evidence, 0 to 1: voltage lower than measured.
+    evidence_gain : float, 0 to 1
+        Evidence, 0 to 1: current sensor reads too little.
+    evidence_friction : float, 0 to 1
+        Evidence, 0 to 1: friction, damping or mass higher.
+    evidence_still : float, 0 to 1
+        Evidence, 0 to 1: no voltage, or none that moves the device.
+    since_stuck_upper : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: stuck at the upper stop.
+    since_stuck_lower : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: stuck at the lower stop.
+    since_lower_stop : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: lower stop higher.
+    since_upper_stop : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: upper stop lower.
+    since_spring : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: spring weaker or broken.
+    since_turns : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: turns shorted.
+    since_contact : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: resistance higher at once.
+    since_open : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: circuit open.
+    since_supply : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: voltage lower than measured.
+    since_gain : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: current sensor reads too little.
+    since_friction : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: friction, damping or mass higher.
+    since_still : float [s], at least -1
+        Begin of the operation in which the evidence passed 0.5, or -1: no voltage, or none that moves the device.
+    profile_closing_before : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: closing, before the motion.
+    profile_closing_moving : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: closing, in the motion.
+    profile_closing_landed : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: closing, after the landing.
+    profile_closing_held : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: closing, in the rest.
+    profile_opening_before : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: opening, before the motion.
+    profile_opening_moving : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: opening, in the motion.
+    profile_opening_landed : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: opening, after the landing.
+    profile_opening_held : float [A]
+        Mean innovation less the usual one, of the last operation or of the fault: opening, in the rest.
+    moved_resistance : float
+        Change since the baseline, in usual wanderings: resistance.
+    moved_eddy : float
+        Change since the baseline, in usual wanderings: eddy currents.
+    moved_gap_factor : float
+        Change since the baseline, in usual wanderings: gap factor.
+    moved_knee : float
+        Change since the baseline, in usual wanderings: knee.
+    moved_saturation : float
+        Change since the baseline, in usual wanderings: saturation.
+    moved_hysteresis : float
+        Change since the baseline, in usual wanderings: hysteresis.
+    moved_mass : float
+        Change since the baseline, in usual wanderings: mass.
+    moved_rest_position : float
+        Change since the baseline, in usual wanderings: rest position.
+    trend_resistance : float
+        Relative change per 1,000 operations: resistance.
+    trend_eddy : float
+        Relative change per 1,000 operations: eddy currents.
+    trend_gap_factor : float
+        Relative change per 1,000 operations: gap factor.
+    trend_knee : float
+        Relative change per 1,000 operations: knee.
+    trend_saturation : float
+        Relative change per 1,000 operations: saturation.
+    trend_hysteresis : float
+        Relative change per 1,000 operations: hysteresis.
+    trend_mass : float
+        Relative change per 1,000 operations: mass.
+    trend_rest_position : float
+        Relative change per 1,000 operations: rest position.
+    baseline_windows : float
+        For the parameter of that name after a restart: windows behind the baseline.
+    baseline_size : float [A]
+        For the parameter of that name after a restart: usual size of a profile.
+    baseline_closing_before : float [A]
+        For the parameter of that name after a restart: mean innovation of a closing before the motion.
+    baseline_closing_moving : float [A]
+        For the parameter of that name after a restart: in the motion.
+    baseline_closing_landed : float [A]
+        For the parameter of that name after a restart: after the landing.
+    baseline_closing_held : float [A]
+        For the parameter of that name after a restart: in the rest.
+    baseline_opening_before : float [A]
+        For the parameter of that name after a restart: mean innovation of an opening before the motion.
+    baseline_opening_moving : float [A]
+        For the parameter of that name after a restart: in the motion.
+    baseline_opening_landed : float [A]
+        For the parameter of that name after a restart: after the landing.
+    baseline_opening_held : float [A]
+        For the parameter of that name after a restart: in the rest.
+    baseline_resistance : float
+        For the parameter of that name after a restart: logarithm of the resistance [ohm].
+    baseline_eddy : float
+        For the parameter of that name after a restart: logarithm of the eddy currents [S].
+    baseline_gap_factor : float
+        For the parameter of that name after a restart: logarithm of the gap factor.
+    baseline_knee : float
+        For the parameter of that name after a restart: logarithm of the knee [A].
+    baseline_saturation : float
+        For the parameter of that name after a restart: logarithm of the saturation [Wb].
+    baseline_hysteresis : float
+        For the parameter of that name after a restart: logarithm of the hysteresis [A].
+    baseline_mass : float
+        For the parameter of that name after a restart: logarithm of the mass [kg].
+    baseline_rest_position : float
+        For the parameter of that name after a restart: logarithm of the rest position [m].
+    """
+
+    def __init__(
+        self,
+        *,
+        sample_time: float = ...,
+        settle: float = ...,
+        limit_strange: float = ...,
+        limit_worn: float = ...,
+        least_size: float = ...,
+        learn_windows: float = ...,
+        baseline_windows: float = ...,
+        baseline_size: float = ...,
+        baseline_closing_before: float = ...,
+        baseline_closing_moving: float = ...,
+        baseline_closing_landed: float = ...,
+        baseline_closing_held: float = ...,
+        baseline_opening_before: float = ...,
+        baseline_opening_moving: float = ...,
+        baseline_opening_landed: float = ...,
+        baseline_opening_held: float = ...,
+        baseline_resistance: float = ...,
+        baseline_eddy: float = ...,
+        baseline_gap_factor: float = ...,
+        baseline_knee: float = ...,
+        baseline_saturation: float = ...,
+        baseline_hysteresis: float = ...,
+        baseline_mass: float = ...,
+        baseline_rest_position: float = ...,
+    ) -> None: ...
+    def run(  # type: ignore[override]
+        self,
+        command: npt.ArrayLike,
+        current: npt.ArrayLike,
+        innovation: npt.ArrayLike,
+        mode: npt.ArrayLike,
+        health_causes: npt.ArrayLike,
+        windows: npt.ArrayLike,
+        misfit: npt.ArrayLike,
+        resistance: npt.ArrayLike,
+        eddy: npt.ArrayLike,
+        gap_factor: npt.ArrayLike,
+        knee: npt.ArrayLike,
+        saturation: npt.ArrayLike,
+        hysteresis: npt.ArrayLike,
+        mass: npt.ArrayLike,
+        rest_position: npt.ArrayLike,
+        resistance_std: npt.ArrayLike,
+        eddy_std: npt.ArrayLike,
+        gap_factor_std: npt.ArrayLike,
+        knee_std: npt.ArrayLike,
+        saturation_std: npt.ArrayLike,
+        hysteresis_std: npt.ArrayLike,
+        mass_std: npt.ArrayLike,
+        rest_position_std: npt.ArrayLike,
+        *,
+        sample_time: float | None = ...,
+        start_time: float = ...,
+        outputs: Iterable[str] = ...,
+    ) -> MonitorResponse: ...
+    def step(  # type: ignore[override]
+        self,
+        command: float,
+        current: float,
+        innovation: float,
+        mode: float,
+        health_causes: float,
+        windows: float,
+        misfit: float,
+        resistance: float,
+        eddy: float,
+        gap_factor: float,
+        knee: float,
+        saturation: float,
+        hysteresis: float,
+        mass: float,
+        rest_position: float,
+        resistance_std: float,
+        eddy_std: float,
+        gap_factor_std: float,
+        knee_std: float,
+        saturation_std: float,
+        hysteresis_std: float,
+        mass_std: float,
+        rest_position_std: float,
+        *,
+        sample_time: float | None = ...,
+    ) -> MonitorOutputs: ...
+
+
 class PlayActuatorOutputs(NamedTuple):
     current: float
     position: float

@@ -37,7 +37,7 @@ class Parameters(NamedTuple):
     """Table I, the gap laws, what is switched on, and the micro-step."""
 
     coil_resistance: Scalar = parameter("Ohm", "Resistance R", 48.0, min=1e-9)
-    coil_turns: Scalar = fixed("1", "Number of turns N", 1200.0, min=1e-9)
+    coil_turns: Scalar = parameter("1", "Number of turns N", 1200.0, min=1e-9)
     hysteresis: Scalar = option("Hysteresis of the core; off: its anhysteretic curve", True)
     saturation: Scalar = option("Saturation of the core; off: its slope is that at zero", True)  # 0: no saturation
     eddy_currents: Scalar = option("Eddy currents in the core", True, name="eddy_currents")  # 0: none
@@ -48,7 +48,7 @@ class Parameters(NamedTuple):
     core_coupling: Scalar = fixed("1", "Coupling of the domains alpha", 3.66e-3, min=0.0, max=0.9)
     core_pinning: Scalar = fixed("A/m", "Pinning of the walls kappa", 942.0, min=1e-3)
     core_reversibility: Scalar = fixed("1", "Reversible share of the magnetization c", 0.736, min=0.0, max=0.999)
-    core_eddy_conductance: Scalar = fixed("S", "Eddy current per rate of flux, k_eddy", 1630.0, min=0.0)
+    core_eddy_conductance: Scalar = parameter("S", "Eddy current per rate of flux, k_eddy", 1630.0, min=0.0)
     gap_law: Annotated[Scalar, GapLaw] = choice("Reluctance of the gap")
     gap_reluctance: Scalar = fixed("1/H", "Fringing law: reluctance without gap, R_g0", 0.0, min=0.0)
     gap_slope: Scalar = fixed("1/(H.m)", "Fringing law: reluctance per gap without fringing, R_gp", 4.7e10, min=0.0)
@@ -61,13 +61,13 @@ class Parameters(NamedTuple):
     )
     gap_file_reluctance: Annotated[Array, Table()] = COLUMN
     gap_file_spline: Annotated[Array, Table()] = COLUMN
-    mover_mass: Scalar = fixed("kg", "Mass of the mover m", 1.6e-3, min=1e-9)
+    mover_mass: Scalar = parameter("kg", "Mass of the mover m", 1.6e-3, min=1e-9)
     spring_stiffness: Scalar = parameter("N/m", "Stiffness k_sp", 61.8, min=0.0)
     spring_rest: Scalar = parameter("m", "Gap without spring force, z_sp", 0.0192)
     damping: Scalar = parameter("N.s/m", "Viscous damping c_f", 0.8, min=0.0)
-    friction: Scalar = fixed("N", "Dry friction, at rest and in motion", 0.0, min=0.0)
-    stop_lower: Scalar = fixed("m", "Smallest gap z_min", 0.4e-3, min=0.0)
-    stop_upper: Scalar = fixed("m", "Largest gap z_max", 1.4e-3, min=1e-9)
+    friction: Scalar = parameter("N", "Dry friction, at rest and in motion", 0.0, min=0.0)
+    stop_lower: Scalar = parameter("m", "Smallest gap z_min", 0.4e-3, min=0.0)
+    stop_upper: Scalar = parameter("m", "Largest gap z_max", 1.4e-3, min=1e-9)
     stop_restitution: Scalar = fixed("1", "Speed after an impact over that before it", 0.0, min=0.0, max=0.95)
     initial_position: Scalar = fixed("m", "Gap at the start", 1.4e-3, min=0.0)
     micro_step: Scalar = fixed("s", "Longest step of the integrator", 10e-6, min=1e-7, name="micro_step")

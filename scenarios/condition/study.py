@@ -1,0 +1,44 @@
+"""How soon `Monitor` tells faults, which cause it names, and how often it is wrong about healthy devices."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gapsense._os.workers import Progress
+from gapsense.cli.common import Out, study
+from gapsense.cli.console import bar, show, written
+from gapsense.studies.figures import FIGURES
+
+FIGURES["condition"] = f"{__package__}.show:run_figure"
+
+
+@study("condition")
+def condition(
+    devices: Annotated[int, typer.Option(help="Devices with each fault", min=1, max=10**5)] = 24,
+    healthy: Annotated[int, typer.Option(help="Devices without one, 820 operations each", min=1, max=10**5)] = 48,
+    seed: Annotated[int, typer.Option(help="Seed of the devices; those below 100 chose the limits", min=0)] = 500,
+    to: Out = Path("results"),
+) -> None:
+    """Faults of a valve that Monitor is to tell: after how many operations, with which cause, and false alarms."""
+    from gapsense.report import plot
+
+    from .cases import CASES, LONG
+    from .judge import alarms, judged
+    from .show import alarm_sentence, cases_table, causes_figure
+
+    found = {}
+    for name, case in CASES.items():
+        with bar(f"{name}, runs") as progress:
+            found[name] = judged(case, devices, seed, partial(_told, progress, devices))
+    with bar("healthy, runs") as progress:
+        said = alarms(healthy, seed + 1, LONG, partial(_told, progress, healthy))
+    show(*cases_table(found), alarm_sentence(said))
+    written(plot.save(causes_figure(found), to / "condition.png"))
+
+
+def _told(progress: Progress, total: int, done: int) -> None:
+    progress(done, total)

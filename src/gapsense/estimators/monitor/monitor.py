@@ -1,0 +1,447 @@
+"""Condition of a reluctance actuator, from what `Mhe` says of each operation: is it healthy, since when not, and why.
+
+An operation lasts from one change of the command to the next.  Its profile are the mean innovations before the motion
+that `Mhe` expects, in it, for some time after it, and in the rest (1).  An operation is strange if `Mhe` says so and
+its profile is far from what is usual (2), or if it has no motion.  It and the next one, a closing and an opening before
+`Mhe` has got used to it, make a fault.  Their profiles, and the learnt values that have moved since the baseline (3),
+are compared with the signatures of causes, by direction (4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from gapsense.estimators.monitor.records import (
+    PHASES,
+    VALUES,
+    Baseline,
+    Course,
+    Evidence,
+    Inputs,
+    Kept,
+    Learnt,
+    Moved,
+    Operation,
+    Outputs,
+    Parameters,
+    Phase,
+    Profile,
+    Since,
+    State,
+    Trend,
+    Usual,
+    Verdict,
+)
+from gapsense.estimators.monitor.signatures import CAUSES, COLDER, GRADUAL, SUDDEN, Signature, direction
+from gapsense.estimators.readings import INNOVATION, can_be_read
+from gapsense.kernels.elementary import exp, log
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.linalg import total, vector
+from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, square, when, where
+
+FIRST = 6.0  # windows that only teach `Mhe`
+GOOD = 1.5  # misfit below which a window has taught something
+WANDER = 6.0  # reported deviations by which what is learnt of a healthy device wanders
+LEAST = 1e-12  # of a size, a value or a deviation that is divided by
+UNKNOWN = 1.0  # density of directions that are in no table
+BACK = 0.065  # share of R, and of a current, within which it is what it was before a fault
+TOLD = 0.5  # evidence with which a cause is given
+QUICK, SLOW = 1.0 / 50.0, 1.0 / 500.0  # weights of a window in the means whose difference is the trend
+PER = 1000.0  # operations to which a trend refers
+HALF = 0.5  # usual sizes of a profile that are noise of each of its entries
+ASIDE, BESIDE = 0.25, 2.0  # most of a profile that is not that of a cold coil: share of what is, and usual sizes
+LATELY = 4.0  # operations of a kind of which usual currents are means
+WARMER = next(s.entries for s in SUDDEN if s.cause == "contact")  # direction of the currents of a warmer coil
+CURVED = 0.12  # share of what the temperature does that has another direction
+NONE = vector([0.0] * len(CAUSES))
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """Nothing is known, or the baseline of an earlier run."""
+    baseline = _given(par)
+    values = baseline.healthy
+    state = State(
+        baseline=baseline,
+        usually=Usual(vector([0.0] * 2 * PHASES), vector([0.0] * 2 * PHASES)),
+        operation=_begin(inputs, 0.0)._replace(is_commanded=0.0),
+        course=Course(
+            verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
+            profile=vector([0.0] * 2 * PHASES),
+        ),
+        learnt=Learnt(solved=inputs.windows, values=values, quick=values, slow=values, moved=vector([0.0] * VALUES)),
+        evidence=NONE,
+        since=NONE - 1.0,
+    )
+    return state, _outputs(state)
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One sample; one that is not of numbers, but for the current, is left out."""
+    others = total(x for name, x in inputs._asdict().items() if name != "current")
+    state = when(fabs(others) < math.inf, lambda state: _sample(state, inputs, par), state)
+    return state, _outputs(state)
+
+
+def _sample(state: State, inputs: Inputs, par: Parameters) -> State:
+    """An operation that is over is judged, a new window is learnt from, the profile goes on."""
+    is_over = not_(flag(inputs.command > 0.5) == state.operation.command)
+    is_operation = is_over & is_set(state.operation.is_commanded)
+    state = when(is_operation, lambda state: _judge(state, par), state)
+    state = when(is_over, lambda state: state._replace(operation=_begin(inputs, state.operation.last)), state)
+    has_solved = not_(inputs.windows == state.learnt.solved)
+    state = when(has_solved, lambda state: _learn(state, inputs, par), state)
+    return state._replace(operation=_go_on(state.operation, state.usually, inputs, par))
+
+
+# an operation
+
+
+def _begin(inputs: Inputs, last: Scalar) -> Operation:
+    nothing = vector([0.0] * PHASES)
+    return Operation(
+        command=flag(inputs.command > 0.5),
+        began=inputs.time,
+        sums=nothing,
+        counts=nothing,
+        charges=nothing,
+        samples=nothing,
+        last=last,
+    )
+
+
+def _go_on(before: Operation, usually: Usual, inputs: Inputs, par: Parameters) -> Operation:
+    """The profile (1) with a sample more; neither the one at the edge counts, nor what is after a second motion."""
+    moves, has_moved = (inputs.mode > 1.5) & (inputs.mode < 2.5), is_set(before.has_moved)
+    has_landed = before.rested > 0.0
+    is_known = not_(is_set(before.is_lost) | (moves & has_landed))
+    rested = where(moves | not_(has_moved), before.rested, before.rested + 1.0)
+    rests = where(rested * par.sample_time > par.settle, float(Phase.held), float(Phase.landed))
+    phase = where(moves, float(Phase.moving), where(has_moved, rests, float(Phase.before)))
+    is_inside = before.age > 0.0
+    here = vector([where((phase == float(k)) & is_known & is_inside, 1.0, 0.0) for k in range(PHASES)])
+    i = where(can_be_read(inputs.current, math.inf), inputs.current, before.last)
+    usual = _usual_phase(before.age, _half(usually.lengths, is_set(before.command)))
+    there = vector([where((usual == float(k)) & is_inside, 1.0, 0.0) for k in range(PHASES)])
+    return before._replace(
+        sums=before.sums + inputs.innovation * here,
+        counts=before.counts + here,
+        charges=before.charges + i * there,
+        samples=before.samples + there,
+        last=i,
+        age=before.age + 1.0,
+        rested=rested,
+        is_lost=flag(not_(is_known)),
+        has_moved=flag(moves | has_moved),
+        is_abnormal=where(_has_bit(inputs.health_causes, INNOVATION), 1.0, before.is_abnormal),
+    )
+
+
+def _usual_phase(age: Scalar, lengths: Array) -> Scalar:
+    """The phase in which an operation of this age usually is."""
+    phase, until = 0.0, 0.0
+    for length in lengths[: PHASES - 1]:
+        until = until + length
+        phase = phase + where(age > until, 1.0, 0.0)
+    return phase
+
+
+def _has_bit(causes: Scalar, bit: float) -> Scalar:
+    half = floor(causes / bit)
+    return half - 2.0 * floor(0.5 * half) > 0.5
+
+
+def _means(sums: Array, counts: Array) -> Array:
+    return vector([s / where(n > 0.0, n, 1.0) for s, n in zip(sums, counts)])
+
+
+def _judge(state: State, par: Parameters) -> State:
+    """An operation is over."""
+    operation, course = state.operation, state.course
+    means, currents = _means(operation.sums, operation.counts), _means(operation.charges, operation.samples)
+    is_closing, usual = is_set(operation.command), state.baseline.usual_size
+    deviation = means - _half(state.baseline.usual, is_closing)
+    size = _length(deviation) / where(usual > LEAST, usual, LEAST)  # (2)
+    is_familiar = _is_familiar(state, currents, par)
+    is_still, is_abnormal = not_(is_set(operation.has_moved)), is_set(operation.is_abnormal)
+    is_strange = is_still | (is_abnormal & (size > par.limit_strange) & not_(is_familiar))
+    is_calm = not_(is_abnormal | is_still | (course.verdict == Verdict.faulty))
+    course = course._replace(
+        size=size,
+        commands=course.commands + 1.0,
+        motions=course.motions + operation.has_moved,
+        quiet=where(is_strange | (size > par.limit_strange), 0.0, course.quiet + 1.0),
+        familiar=where(is_familiar & not_(is_still), course.familiar + 1.0, 0.0),
+        is_relearnt=where(is_abnormal, course.is_relearnt, 0.0),
+        is_still=flag(is_still),
+    )
+    state = when(is_calm, lambda state: _know(state, currents), state._replace(course=course))
+
+    def learn() -> State:
+        is_usual = not_(is_abnormal | is_still) & (state.baseline.taught > 0.0)
+        taught = when(is_usual, lambda b: _teach(b, means, is_closing, par), state.baseline)
+        profile = _with_half(course.profile, deviation, is_closing)
+        return state._replace(baseline=taught, course=course._replace(profile=profile))
+
+    def look() -> State:
+        return _look(state, deviation, is_strange, par)
+
+    return cond(course.verdict == Verdict.learning, learn, look)
+
+
+def _know(state: State, currents: Array) -> State:
+    """Usual operations with one more."""
+    old, is_closing = state.usually, is_set(state.operation.command)
+    closings, openings = old.closings_known + flag(is_closing), old.openings_known + flag(not_(is_closing))
+    n = where(is_closing, closings, openings)
+    share = where(n > LATELY, 1.0 / LATELY, 1.0 / n)
+    lengths, known = _half(old.lengths, is_closing), _half(old.currents, is_closing)
+    lengths = lengths + share * (state.operation.counts - lengths)
+    usually = Usual(
+        lengths=_with_half(old.lengths, lengths, is_closing),
+        currents=_with_half(old.currents, known + share * (currents - known), is_closing),
+        closings_known=closings,
+        openings_known=openings,
+    )
+    return state._replace(usually=usually)
+
+
+def _is_familiar(state: State, currents: Array, par: Parameters) -> Scalar:
+    """Whether the current of an operation is that of usual ones (5), at the temperature that the coil may have."""
+    usually, is_closing = state.usually, is_set(state.operation.command)
+    known = _half(usually.currents, is_closing)
+    off, warm = currents - known, _half(vector(WARMER), is_closing)
+    along = (off @ warm) / (warm @ warm) * warm
+    rest, noise = off - along, par.limit_strange * state.baseline.usual_size
+    is_known = where(is_closing, usually.closings_known, usually.openings_known) >= LATELY
+    is_same = _length(rest) < noise + CURVED * _length(along)
+    return is_known & is_same & (fabs(off[-1]) < BACK * fabs(known[-1]) + noise)
+
+
+def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -> State:
+    """A known device: the second of two operations of which the first was strange tells whether it is a fault."""
+    course, began = state.course, state.operation.began
+    is_faulty = course.verdict == Verdict.faulty
+    is_first = is_strange & not_(is_set(course.suspected)) & not_(is_faulty)
+    is_second = is_set(course.suspected)
+    profile = _with_half(course.profile, deviation, is_set(state.operation.command))
+    course = course._replace(
+        profile=where_all(is_faulty, course.profile, profile),
+        suspected=flag(is_first),
+        onset=where(is_first, began, course.onset),
+        resistance=where(is_first, state.learnt.quick[0], course.resistance),
+    )
+    state = state._replace(course=course)
+    state = when(is_second, lambda state: _decide(state, par), state)
+    return when(is_faulty, lambda state: _recover(state, par), state)
+
+
+def _decide(state: State, par: Parameters) -> State:
+    """The causes of a strange operation and the next one, unless a closing with a cold coil was all."""
+    course, noise = state.course, state.baseline.usual_size
+    still = vector([0.0] * (len(CAUSES) - 1) + [1.0])
+    evidence = where_all(is_set(course.is_still), still, _evidence(course.profile, SUDDEN, noise))
+    is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
+    was_closing = not_(is_set(state.operation.command))  # the first one
+    is_cold = was_closing & _is_cold(course.profile, is_usual, noise)
+    is_fault = is_set(course.is_still) | not_(is_cold)
+    return when(is_fault, lambda state: _alarm(state, evidence), state)
+
+
+def _is_cold(profile: Array, is_usual: Scalar, noise: Scalar) -> Scalar:
+    """A closing as with less resistance than in the operation before, after a rest, and such an opening or a usual one.
+
+    In the rest of a closing `Mhe` may already know it.
+    """
+    closing = _is_along(profile[: len(COLDER)], COLDER, noise)
+    return closing & (is_usual | _is_along(profile[PHASES:], [-x for x in WARMER[PHASES:]], noise))
+
+
+def _is_along(found: Array, entries: Sequence[float], noise: Scalar) -> Scalar:
+    """Whether a profile has a direction, but for noise and some more."""
+    unit = vector(direction(entries))
+    along = found @ unit
+    return (along > 0.0) & (_square(found - along * unit) < square(ASIDE * along) + square(BESIDE * noise))
+
+
+def _alarm(state: State, evidence: Array) -> State:
+    course = state.course
+    course = course._replace(verdict=float(Verdict.faulty), faults=course.faults + 1.0, quiet=0.0, familiar=0.0)
+    return _with_evidence(state._replace(course=course), evidence, course.onset)
+
+
+def _recover(state: State, par: Parameters) -> State:
+    """The device is healthy again: a closing and an opening were usual, and what is learnt, or their currents."""
+    course = state.course
+    is_back = fabs(state.learnt.values[0] - course.resistance) < BACK
+    is_learnt = (course.quiet >= 2.0) & is_back & (_wear(state.learnt) < par.limit_worn)
+    is_healthy = is_learnt | (course.familiar >= 2.0)
+
+    def heal(state: State) -> State:
+        course = state.course._replace(
+            verdict=float(Verdict.healthy), passed=state.course.passed + 1.0, is_relearnt=flag(not_(is_learnt))
+        )
+        return _with_evidence(state._replace(course=course), NONE, 0.0)
+
+    return when(is_healthy, heal, state)
+
+
+# what is learnt
+
+
+def _learn(state: State, inputs: Inputs, par: Parameters) -> State:
+    """A window was solved."""
+    state = state._replace(learnt=state.learnt._replace(solved=inputs.windows))
+    is_good = (inputs.misfit < GOOD) & (inputs.windows > FIRST)
+    return when(is_good, lambda state: _note(state, inputs, par), state)
+
+
+def _note(state: State, inputs: Inputs, par: Parameters) -> State:
+    """What a good window has taught goes into the baseline, or is compared with it (3)."""
+    first = Inputs._fields.index("resistance")
+    found, deviations = inputs[first : first + VALUES], inputs[first + VALUES : first + 2 * VALUES]
+    values = vector([log(where(x > LEAST, x, LEAST)) for x in found])
+    shares = vector([s / where(x > LEAST, x, LEAST) + LEAST for s, x in zip(deviations, found)])
+    is_learning = state.course.verdict == Verdict.learning
+    state = when(is_learning, lambda state: _lay(state, values, inputs, par), state)
+    old, base = state.learnt, state.baseline.healthy
+    is_first, begins = state.baseline.taught < 2.0, is_learning & not_(state.course.verdict == Verdict.learning)
+    quick, slow = (
+        where_all(begins, base, where_all(is_first, values, mean + share * (values - mean)))
+        for mean, share in ((old.quick, QUICK), (old.slow, SLOW))
+    )
+    moved = (values - base) / (WANDER * shares)
+    state = state._replace(learnt=old._replace(values=values, moved=moved, quick=quick, slow=slow))
+    is_calm = (state.course.verdict == Verdict.healthy) | (state.course.verdict == Verdict.worn)
+    is_relearnt = is_set(state.course.is_relearnt)
+    return when(is_calm & not_(is_relearnt), lambda state: _wear_out(state, inputs.time, par), state)
+
+
+def _lay(state: State, values: Array, inputs: Inputs, par: Parameters) -> State:
+    """The baseline with a window more."""
+    old, n = state.baseline, state.baseline.taught + 1.0
+    baseline = old._replace(taught=n, healthy=old.healthy + (values - old.healthy) / n)
+    is_done = (n >= par.learn_windows) & (old.closings > 1.0) & (old.openings > 1.0)
+    verdict = where(is_done, float(Verdict.healthy), float(Verdict.learning))
+    return state._replace(baseline=baseline, course=state.course._replace(verdict=verdict))
+
+
+def _teach(old: Baseline, means: Array, is_closing: Scalar, par: Parameters) -> Baseline:
+    """The usual profile with an operation more, by Welford's method."""
+    closings, openings = old.closings + flag(is_closing), old.openings + flag(not_(is_closing))
+    n, before = where(is_closing, closings, openings), _half(old.usual, is_closing)
+    after = before + (means - before) / n
+    squares = old.squares + (means - before) @ (means - after)
+    size = sqrt(squares / where(closings + openings > 2.0, closings + openings - 2.0, 1.0))
+    return old._replace(
+        usual=_with_half(old.usual, after, is_closing),
+        closings=closings,
+        openings=openings,
+        squares=squares,
+        usual_size=where(size < par.least_size, par.least_size, size),
+    )
+
+
+def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
+    """Learnt values that have moved too far, though no operation was strange."""
+    is_worn = _wear(state.learnt) > par.limit_worn
+    evidence = where_all(is_worn, _evidence(state.learnt.moved[1:], GRADUAL, 1.0), NONE)
+    verdict = where(is_worn, float(Verdict.worn), float(Verdict.healthy))
+    state = state._replace(course=state.course._replace(verdict=verdict))
+    return _with_evidence(state, evidence, time)
+
+
+def _wear(learnt: Learnt) -> Scalar:
+    """Size of what has moved; the resistance does so with temperature."""
+    return _length(learnt.moved[1:])
+
+
+# causes
+
+
+def _evidence(found: Array, signatures: tuple[Signature, ...], noise: Scalar) -> Array:
+    """What speaks for each cause, by the distances of directions (4)."""
+    length = _length(found) + LEAST
+    causes: list[Scalar] = [0.0] * len(CAUSES)
+    for cause, spread, entries in signatures:
+        variance = spread * spread + square(HALF * noise / length)
+        density = exp(-0.5 * _square(found / length - vector(direction(entries))) / variance) / square(square(variance))
+        causes[CAUSES.index(cause)] = causes[CAUSES.index(cause)] + density
+    return vector(causes) / (total(causes) + UNKNOWN)
+
+
+def _with_evidence(state: State, evidence: Array, time: Scalar) -> State:
+    """The causes with new evidence, and since when more than half speaks for each."""
+    since = [where(new > TOLD, where(before >= 0.0, before, time), -1.0) for new, before in zip(evidence, state.since)]
+    return state._replace(evidence=evidence, since=vector(since))
+
+
+def _cause(evidence: Array) -> Scalar:
+    """Number of the cause for which more than half speaks; 0: none."""
+    return total(where(x > TOLD, float(k), 0.0) for k, x in enumerate(evidence, 1))
+
+
+# profiles
+
+
+def _half(profile: Array, is_closing: Scalar) -> Array:
+    """That of a closing or of an opening."""
+    return where_all(is_closing, profile[:PHASES], profile[PHASES:])
+
+
+def _with_half(profile: Array, half: Array, is_closing: Scalar) -> Array:
+    """A profile with another half."""
+    closing, opening = profile[:PHASES], profile[PHASES:]
+    return vector([*where_all(is_closing, half, closing), *where_all(is_closing, opening, half)])
+
+
+def _square(x: Array) -> Scalar:
+    return x @ x
+
+
+def _length(x: Array) -> Scalar:
+    return sqrt(_square(x))
+
+
+def where_all(c: Scalar, a: Array, b: Array) -> Array:
+    """One vector or the other."""
+    return vector([where(c, x, y) for x, y in zip(a, b)])
+
+
+# ports
+
+
+def _given(par: Parameters) -> Baseline:
+    """The baseline of an earlier run; none with fewer windows than make one."""
+    first = Parameters._fields.index("baseline_size")
+    size, *rest = par[first:]
+    is_whole = par.baseline_windows >= par.learn_windows
+    given = vector([where(is_whole, x, 0.0) for x in rest])
+    return Baseline(
+        taught=where(is_whole, par.baseline_windows, 0.0),
+        usual_size=where(is_whole, size, 0.0),
+        usual=given[: 2 * PHASES],
+        healthy=given[2 * PHASES :],
+    )
+
+
+def _outputs(state: State) -> Outputs:
+    course, learnt, baseline = state.course, state.learnt, state.baseline
+    lag = 1.0 / SLOW - 1.0 / QUICK  # operations
+    return Outputs(
+        verdict=course.verdict,
+        cause=_cause(state.evidence),
+        onset=course.onset,
+        faults=course.faults,
+        passed=course.passed,
+        commands=course.commands,
+        motions=course.motions,
+        strangeness=course.size,
+        wear=_wear(learnt),
+        evidence=Evidence(*state.evidence),
+        since=Since(*state.since),
+        profile=Profile(*course.profile),
+        moved=Moved(*learnt.moved),
+        trend=Trend(*(PER / lag * (learnt.quick - learnt.slow))),
+        kept=Kept(baseline.taught, baseline.usual_size, *baseline.usual, *baseline.healthy),
+    )

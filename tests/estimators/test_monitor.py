@@ -1,0 +1,163 @@
+"""`Monitor` on operations that are made up: what is usual, what is strange, what passes, and what stays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import pytest
+
+from gapsense.estimators.monitor import monitor
+from gapsense.estimators.monitor.records import Inputs, Kept, Outputs, Parameters, Verdict
+from gapsense.estimators.monitor.signatures import CAUSES, GRADUAL, SUDDEN
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names
+
+KERNEL = Kernel(monitor).scalar
+PAR = Parameters(sample_time=1e-3, settle=3e-3, learn_windows=20.0)
+PHASES = [
+    1,
+    3,
+    3,
+    4,
+]  # samples of an operation in each phase, after that at the edge
+VALUES = np.array([48.0, 1e-3, 1.0, 0.5, 25e-3, 8e-3, 1.6e-3, 19e-3])
+STD = 0.002
+USUAL = 1e-3  # deviation of a mean innovation [A]
+OUTPUTS = names(Outputs)
+
+
+class Bench:
+    """A monitor, and operations for it."""
+
+    def __init__(self, par: Parameters = PAR, seed: int = 1) -> None:
+        self.rng, self.par, self.time, self.windows = np.random.default_rng(seed), tuple(flat(par)), 0.0, 0.0
+        self.is_on, self.current = False, 0.0
+        self.values = VALUES.copy()
+        self.state, self.outputs = KERNEL["initial"](self.sample(0.0, 3.0, 0.0), self.par)
+
+    def sample(self, innovation: float, mode: float, causes: float) -> tuple[float, ...]:
+        """Inputs now."""
+        found = (*self.values, *(STD * self.values))
+        return (self.time, float(self.is_on), self.current, innovation, mode, causes, self.windows, 0.6, *found)
+
+    def operate(self, profile: Sequence[float] = (0.0,) * 8, causes: float = 0.0, moves: bool = True) -> None:
+        """One operation with mean innovations of a profile, a closing or an opening in turn."""
+        self.is_on, rests = not self.is_on, 1.0 if self.is_on else 3.0
+        self.windows += 1.0
+        means = np.array(profile[:4] if self.is_on else profile[4:]) + USUAL * self.rng.standard_normal(4)
+        modes = [rests, rests, 2.0, 4.0 - rests, 4.0 - rests]
+        for mean, mode, count in zip((5.0, *means), modes, (1, *PHASES)):  # the edge does not count
+            for _ in range(count):
+                self.time += 1e-3
+                self.current = (30.0 / self.values[0] if self.is_on else 0.0) + float(mean)
+                given = self.sample(float(mean), mode if moves else rests, causes)
+                self.state, self.outputs = KERNEL["step"](self.state, given, self.par)
+
+    def said(self, *wanted: str) -> list[float]:
+        """Outputs by name."""
+        return [self.outputs[OUTPUTS.index(name)] for name in wanted]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    """One that knows its device."""
+    made = Bench()
+    for _ in range(40):
+        made.operate()
+    return made
+
+
+def operated(bench: Bench, count: int, **more: object) -> list[float]:
+    """Verdicts after each of some operations, which the command of the next one ends."""
+    found = []
+    for _ in range(count):
+        bench.operate(**more)  # type: ignore[arg-type]
+        found.append(bench.said("verdict")[0])
+    return found
+
+
+def test_it_learns_and_is_silent(bench: Bench) -> None:
+    assert bench.said("verdict", "baseline_windows", "faults") == [float(Verdict.healthy), 20.0, 0.0]
+    assert bench.said("baseline_mass")[0] == pytest.approx(np.log(1.6e-3))
+    assert bench.said("baseline_size")[0] == pytest.approx(2.0 * USUAL, rel=0.3)
+    assert set(operated(bench, 200)) == {float(Verdict.healthy)}
+    assert bench.said("commands") == bench.said("motions")
+
+
+@pytest.mark.parametrize("number", range(len(SUDDEN)))
+def test_a_sudden_cause_is_told_after_two_operations_and_passes(bench: Bench, number: int) -> None:
+    """The first strange operation is the third one after these."""
+    cause, _, entries = SUDDEN[number]
+    assert operated(bench, 3, profile=[0.1 * x for x in entries], causes=1.0)[-1] == float(Verdict.faulty)
+    assert bench.said("cause", f"since_{cause}") == [CAUSES.index(cause) + 1.0, bench.said("onset")[0]]
+    assert bench.said(f"evidence_{cause}")[0] > 0.9
+    assert operated(bench, 3)[-1] == float(Verdict.healthy)
+    assert bench.said("faults", "passed", "cause", f"since_{cause}") == [1.0, 1.0, 0.0, -1.0]
+
+
+def test_a_fault_that_mhe_gets_used_to_stays(bench: Bench) -> None:
+    """Operations are usual again, but with another resistance."""
+    entries = next(s.entries for s in SUDDEN if s.cause == "contact")
+    bench.operate([0.1 * x for x in entries], causes=1.0)
+    bench.values[0] *= 1.1
+    assert operated(bench, 20)[-1] == float(Verdict.faulty)
+    bench.values[0] /= 1.1
+    assert operated(bench, 2)[-1] == float(Verdict.healthy)
+
+
+def test_neither_noise_nor_a_cold_coil_nor_mhe_alone_is_a_fault(bench: Bench) -> None:
+    assert set(operated(bench, 4, causes=1.0)) == {float(Verdict.healthy)}
+    assert set(operated(bench, 2, profile=[0.01] * 8)) == {float(Verdict.healthy)}
+    if bench.is_on:
+        bench.operate()
+    colder = [2e-3, 8.6e-3, 17.6e-3, 2e-3, 0.0, 0.0, 0.0, 0.0]
+    assert set(operated(bench, 1, profile=colder, causes=1.0) + operated(bench, 4)) == {float(Verdict.healthy)}
+
+
+def test_commands_without_motion_are_counted_and_told(bench: Bench) -> None:
+    before = bench.said("commands", "motions")
+    assert operated(bench, 3, moves=False)[-1] == float(Verdict.faulty)
+    assert bench.said("cause", "evidence_still") == [12.0, 1.0]
+    assert np.subtract(bench.said("commands", "motions"), before).tolist() == [3.0, 1.0]
+
+
+def test_wear_is_told_by_what_moves_and_the_temperature_is_none(bench: Bench) -> None:
+    bench.values[0] *= 1.3
+    assert set(operated(bench, 50)) == {float(Verdict.healthy)}
+    cause, _, entries = GRADUAL[0]
+    bench.values[1:] *= np.exp(0.1 * np.array(entries) / np.linalg.norm(entries))
+    assert operated(bench, 2)[-1] == float(Verdict.worn)
+    assert bench.said("cause") == [CAUSES.index(cause) + 1.0]
+
+
+def test_a_trend_is_that_of_a_value(bench: Bench) -> None:
+    for _ in range(3000):
+        bench.values[6] *= 1.0 + 1e-5
+        bench.operate()
+    assert bench.said("trend_mass")[0] == pytest.approx(0.01, rel=0.02)
+    assert bench.said("trend_rest_position")[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_restart_begins_with_the_baseline(bench: Bench) -> None:
+    kept = dict(zip(Kept._fields, bench.said(*Kept._fields)))
+    again = Bench(PAR._replace(**kept), seed=2)
+    assert again.said("verdict", *Kept._fields) == [float(Verdict.healthy), *kept.values()]
+    entries = next(s.entries for s in SUDDEN if s.cause == "turns")
+    assert operated(again, 3, profile=[0.1 * x for x in entries], causes=1.0)[-1] == float(Verdict.faulty)
+    assert again.said("cause") == [CAUSES.index("turns") + 1.0]
+
+
+def test_inputs_are_those_of_mhe() -> None:
+    from gapsense.estimators.mhe import mhe
+
+    assert {*Inputs._fields} - {"time", "command", "current"} <= {*names(mhe.Outputs)}
+
+
+def test_every_cause_has_outputs_and_a_signature() -> None:
+    def of(kind: str) -> Iterable[str]:
+        return (name.removeprefix(kind) for name in OUTPUTS if name.startswith(kind))
+
+    assert tuple(of("evidence_")) == tuple(of("since_")) == CAUSES
+    assert {s.cause for s in SUDDEN} == {*CAUSES} - {"still"}
+    assert {s.cause for s in GRADUAL} <= {*CAUSES}
