@@ -47,7 +47,7 @@ def changed(tmp_path: Path, old: str, new: str, name: str = "semera_valve") -> P
 
 def test_controls_are_those_that_the_scenario_names_in_its_order(valve):
     names = [control["name"] for control in controls(valve)]
-    assert names == list(load(SCENARIOS / "semera_valve").controls) and len(names) == 9
+    assert names == list(load(SCENARIOS / "semera_valve").page.controls) and len(names) == 9
 
 
 def test_without_names_controls_are_the_first_tunable_numbers_that_components_are_given(tmp_path, fmus):
@@ -148,6 +148,13 @@ def test_control_that_is_no_parameter_is_a_problem_of_the_scenario(tmp_path, fmu
     problems = check(folder, fmus=fmus)
     assert any("page.controls: `valve.dampin` is no parameter. Did you mean `valve.damping`?" in p for p in problems)
     assert any("page.controls: `valve.current` is no parameter." in p for p in problems)
+
+
+def test_signal_that_is_shown_first_must_be_recorded(tmp_path, fmus):
+    problems = check(changed(tmp_path, "[page]\n", '[page]\nfirst = ["valve.position", "valve.velocity"]\n'), fmus=fmus)
+    assert [p for p in problems if "page.first" in p] == [
+        "scenario.toml, page.first: `valve.velocity` is not recorded. Add it to `record.signals`."
+    ]
 
 
 def test_scenario_with_fmus_of_others_is_refused_in_a_sentence(tmp_path, fmus, monkeypatch):

@@ -75,6 +75,7 @@ PACKAGES = {  # beside the standard library
     "studies": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "scenarios": {"numpy", "scipy", "matplotlib", "fmpy", "rich"},
     "report": {"bokeh", "jinja2", "markupsafe", "numpy", "scipy", "matplotlib", "fmpy", "rich", "pandas"},
+    "page": {"bokeh", "markupsafe"},
     "cli": {"typer", "rich", "fmpy"},
     "command": {"typer"},
     "build_fmus": set(),

@@ -114,6 +114,16 @@ def test_gallery_has_a_picture_for_every_scenario_and_tells_its_command(site):
     assert len(re.findall(r"gapsense study ", text)) >= 9 and len([*(site / "gallery" / "studies").iterdir()]) >= 9
 
 
+@pytest.mark.parametrize("name", ["index", "run-to-run", "page", "components/Semera"])
+def test_scenario_runs_in_a_page_of_the_site(site, browser, name):
+    page = browser.new_page(viewport={"width": 1280, "height": 800})
+    page.goto((site / f"{name}.html").as_uri())
+    page.locator("iframe.live").scroll_into_view_if_needed()
+    page.frame_locator("iframe.live").locator("html[data-runs]").wait_for(state="attached", timeout=60_000)
+    place = page.locator("iframe.live").get_attribute("src")
+    assert (site / name).parent.joinpath(place).resolve().stat().st_size < 400_000
+
+
 def test_examples_can_be_downloaded(site):
     for script in (ROOT / "docs" / "examples").glob("*.py"):
         text = (site / "examples" / f"{script.stem}.html").read_text(encoding="utf-8")

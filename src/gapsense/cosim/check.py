@@ -669,9 +669,12 @@ def check_record(scenario: Scenario, descriptions: Descriptions, knows_times: bo
         if knows_times:
             yield from check_window(metric, scenario)
     parameters = [f"{name}.{p.name}" for name, d in descriptions.items() for p in d.of("parameter")]
-    for name in scenario.controls:
+    for name in scenario.page.controls:
         if name not in parameters:
             yield f"page.controls: `{name}` is no parameter. {suggest(name, parameters)}"
+    yield from (
+        f"page.first: {not_recorded(n, recorded, descriptions)}" for n in scenario.page.first if n not in recorded
+    )
     yield from unmatched(scenario.baseline.signals or (), recorded, "baseline.signals")
     yield from unmatched(scenario.baseline.tolerances, recorded, "baseline.tolerances")
 

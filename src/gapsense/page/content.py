@@ -15,7 +15,7 @@ from gapsense.fmi.ports import Port
 from gapsense.page import plan
 from gapsense.page.module import parts
 from gapsense.report.html import figures, run, style
-from gapsense.report.html.curves import Curve
+from gapsense.report.html.curves import Curve, Panel
 from gapsense.report.html.figures import Entry
 from gapsense.report.html.subject import Shown
 from gapsense.report.table import PREFIXES, UNPREFIXED, prefixed
@@ -60,13 +60,14 @@ def constants(subject: Subject) -> Iterator[tuple[str, list[int]]]:
 
 
 def panels(scenario: Scenario, result: Result) -> Iterator[dict[str, Any]]:
-    """Panels as a report has them, with where their curves come from in place of their values; compared ones first."""
+    """Panels as a report has them, with where their curves come from in place of their values.
+
+    First come those that the scenario wants first, then those in which something is compared.
+    """
     shown = Shown(file=Path(), result=result, scenario=scenario, note="", events=())
     pairs = {pair.signal: pair for pair in run.pairs(shown)}
     axes = figures.shared(shown, style.colours(result.run.order), 0)
-    every = run.panels(shown)
-    compared = [of for of in every if of.is_error or any(curve.is_truth for curve in of.curves)]
-    for of in (*compared, *(of for of in every if of not in compared)):
+    for of in sorted(run.panels(shown), key=lambda of: place_of(of, scenario)):
         entries = figures.entries(of, axes, "")
         curves = [drawn(curve, entry, of.is_error, pairs.get(curve.name)) for curve, entry in zip(of.curves, entries)]
         yield {"title": of.title, "unit": of.unit, "note": of.note, "isError": of.is_error, "curves": curves}
@@ -74,6 +75,13 @@ def panels(scenario: Scenario, result: Result) -> Iterator[dict[str, Any]]:
         colour = style.colour(axes.numbers[strip.name.partition(".")[0]])
         curves = [{"name": strip.name, "colour": property_of(colour), "dash": ()}]
         yield {"title": strip.name, "unit": "", "note": "", "isStrip": True, "curves": curves}
+
+
+def place_of(panel: Panel, scenario: Scenario) -> int:
+    """0 for a panel that comes first, 1 for one in which something is compared, 2 for any other."""
+    if not panel.is_error and any(curve.name in scenario.page.first for curve in panel.curves):
+        return 0
+    return 1 if panel.is_error or any(curve.is_truth for curve in panel.curves) else 2
 
 
 def drawn(curve: Curve, entry: Entry, is_error: bool, pair: Metric | None) -> dict[str, Any]:
@@ -116,7 +124,7 @@ def controls(subject: Subject) -> Iterator[dict[str, Any]]:
         for parameter in subject.scenario.components[name].values
         if (v := subject.descriptions[name].variables[parameter]).is_tunable and v.type == "Real"
     )
-    for name in subject.scenario.controls or [*tunable][:CONTROLS]:
+    for name in subject.scenario.page.controls or [*tunable][:CONTROLS]:
         component, _, parameter = name.partition(".")
         own = parts(subject.descriptions[component].name).component
         port = next(port for port in own.ports if port.name == parameter)

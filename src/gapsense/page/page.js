@@ -202,9 +202,10 @@
     });
     const rows = plan.count / plan.decimation;
     const paths = rows > MOST_STEPS || panel.isError ? uPlot.paths.linear() : uPlot.paths.stepped({ align: 1 });
+    const truth = rows > MOST_STEPS ? 2 : 4;
     const thinner = (k) => 1.2 + 1.2 * (1 - (k + 1) / panel.curves.length); // so that curves that coincide are all seen
     const series = panel.curves.map(({ name, colour: own, dash, isTruth, time }, k) => ({
-      label: name, stroke: () => colour(own), dash, width: isTruth ? 4 : thinner(k), points: { show: false },
+      label: name, stroke: () => colour(own), dash, width: isTruth ? truth : thinner(k), points: { show: false },
       paths: time ? uPlot.paths.linear() : paths, spanGaps: true,
     }));
     return {

@@ -9,7 +9,7 @@ from gapsense.cosim.scenario.read import Document
 from gapsense.cosim.scenario.records import Component, Scenario
 from gapsense.problems import listing
 
-WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events")  # as the file has them
+WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events", "page")  # as the file has them
 OF_COMPONENTS = ("step", "offset", "isolation")
 LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
 

@@ -279,8 +279,10 @@ class Told:
         return {(str(link.get("from")), str(link.get("to"))) for link in found if link.get("delayed") is True}
 
     def rest(self) -> Mapping[str, Any]:
-        """Events, record and metrics."""
-        return {key: self.own[key] for key in ("events", "record", "metrics") if isinstance(self.own.get(key), dict)}
+        """Events, record, metrics and what a page shows."""
+        return {
+            key: self.own[key] for key in ("events", "record", "metrics", "page") if isinstance(self.own.get(key), dict)
+        }
 
 
 def finite(text: str) -> float | None:

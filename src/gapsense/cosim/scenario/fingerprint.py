@@ -17,7 +17,7 @@ from gapsense.cosim.scenario.records import Component, Connection, Event, Experi
 WORDS: Mapping[type, frozenset[str]] = {
     Scenario: frozenset(
         {"path", "called", "title", "description", "figure", "variant", "variants", "tested", "baseline", "files"}
-        | {"hashes", "rows_columns", "settings", "controls"}
+        | {"hashes", "rows_columns", "settings", "page"}
     ),
     Experiment: frozenset({"pace", "isolation", "step_limit"}),
     Component: frozenset({"origin", "sets", "isolation"}),

@@ -286,7 +286,7 @@ RECORDING = Section(
 )
 PAGE = Section(
     "[page]",
-    "What `gapsense page` offers its readers to change.",
+    "What `gapsense page` offers its readers to change, and shows them first.",
     (
         Key(
             "controls",
@@ -294,6 +294,13 @@ PAGE = Section(
             "Parameters `component.parameter`, in the order in which they are shown",
             '["valve.damping", "sensor.noise.current"]',
             otherwise="the first ten tunable ones that the components are given",
+        ),
+        Key(
+            "first",
+            TEXTS,
+            "Recorded signals whose plots come first",
+            '["valve.position"]',
+            otherwise="those of estimates and their errors",
         ),
     ),
 )

@@ -56,6 +56,7 @@ from gapsense.cosim.scenario.records import (
     Event,
     Experiment,
     Metric,
+    Page,
     Played,
     Port,
     Record,
@@ -400,7 +401,7 @@ class Reader:
             rows_columns=columns,
             played=played,
             events=events,
-            controls=self.section("page", lambda table: tuple(table.table("page").read(PAGE)["controls"] or ())),
+            page=self.section("page", read_page),
             hashes=self.document.hashes,
             settings=self.document.changes,
         )
@@ -760,6 +761,12 @@ def read_record(table: Table) -> Record:
     """Signals to record; all inputs and outputs if the section is missing."""
     record = table.table("record").read(RECORDING)
     return Record(tuple(record["signals"]), record["decimation"])
+
+
+def read_page(table: Table) -> Page:
+    """What a page offers and shows first."""
+    page = table.table("page").read(PAGE)
+    return Page(tuple(page["controls"] or ()), tuple(page["first"] or ()))
 
 
 def read_metrics(table: Table) -> tuple[Metric, ...]:

@@ -310,6 +310,13 @@ class Record:
     decimation: int = 1
 
 
+class Page(NamedTuple):
+    """Parameters that a page lets its reader change, and recorded signals whose plots come first."""
+
+    controls: tuple[str, ...] = ()
+    first: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True)
 class Metric:
     """One number computed from the samples of a recorded signal with `after < t < before` [s], and where it must lie.
@@ -446,7 +453,7 @@ class Scenario:
     hashes: Mapping[str, str] = field(default_factory=dict)  # of what decides it too, and stands in no file
     events: Mapping[str, Event] = field(default_factory=dict)
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over it
-    controls: tuple[str, ...] = ()  # parameters that a page lets its reader change
+    page: Page = field(default_factory=Page)
 
     @property
     def name(self) -> str:
