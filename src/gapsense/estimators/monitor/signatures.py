@@ -1,9 +1,9 @@
 """Signatures of causes: which way innovations and learnt values go.
 
 `SUDDEN` are mean innovations of the first closing with a fault (before the motion, in it, after the landing, in the
-rest) and of the first opening.  `GRADUAL` are learnt values (eddy currents, gap factor, knee, saturation, hysteresis,
-mass, rest position) in usual wanderings.  Only directions count.  `python -m gapsense.scenarios.condition.fit` has
-found them, with seed 21; the spread of `stuck_upper` is twice what it found, since `Mhe` goes on in many ways then.
+rest) and of the first opening, which counts no more than a closing before it.  `GRADUAL` are learnt values (eddy
+currents, gap factor, knee, saturation, hysteresis, mass, rest position) in usual wanderings.  Only directions count.
+`python -m gapsense.scenarios.condition.fit` has found them, with seeds 21 to 23.
 """
 
 from __future__ import annotations
@@ -27,32 +27,42 @@ CAUSES = (
     *("stuck_upper", "stuck_lower", "lower_stop", "upper_stop", "spring", "turns"),
     *("contact", "open", "supply", "gain", "friction", "still"),
 )  # in the order of their numbers, from 1 on
+MISSING = ("open", "still")  # known by what is not there: a current, a motion
 COLDER = (0.10, 0.43, 0.88)  # of a closing with a coil that has cooled, up to the rest
 SUDDEN = (
-    Signature("stuck_upper", 0.12, (0.010, 0.483, 0.421, 0.007, 0.486, -0.580, -0.130, -0.002)),
-    Signature("stuck_upper", 0.12, (0.015, 0.670, 0.594, 0.007, 0.003, 0.357, -0.264, 0.002)),
-    Signature("stuck_upper", 0.12, (0.007, 0.579, 0.527, 0.007, 0.004, 0.188, -0.592, 0.001)),
-    Signature("stuck_lower", 0.05, (-0.918, 0.239, 0.293, 0.004, 0.0, -0.114, 0.029, 0.024)),
-    Signature("lower_stop", 0.07, (0.069, 0.130, 0.125, -0.082, 0.841, -0.443, -0.230, -0.004)),
-    Signature("upper_stop", 0.06, (-0.930, -0.117, 0.346, -0.015, -0.009, -0.029, -0.013, 0.006)),
-    Signature("spring", 0.06, (-0.027, -0.573, 0.470, -0.017, -0.012, -0.636, 0.159, 0.136)),
-    Signature("spring", 0.06, (0.037, -0.606, 0.491, -0.031, -0.028, -0.482, 0.393, 0.022)),
-    Signature("turns", 0.05, (0.513, 0.501, 0.496, 0.487, -0.040, -0.017, -0.011, 0.001)),
-    Signature("contact", 0.05, (-0.081, -0.356, -0.689, -0.599, -0.171, -0.055, -0.018, 0.0)),
-    Signature("supply", 0.05, (-0.225, -0.411, -0.685, -0.554, -0.069, -0.007, -0.003, 0.0)),
-    Signature("open", 0.05, (-0.243, -0.507, -0.584, -0.581, -0.066, -0.019, -0.002, 0.0)),
-    Signature("gain", 0.05, (-0.236, -0.501, -0.578, -0.566, -0.188, -0.059, -0.003, 0.001)),
-    Signature("friction", 0.05, (0.041, 0.793, -0.508, -0.015, 0.003, -0.249, 0.220, 0.011)),
-    Signature("friction", 0.06, (0.032, 0.854, -0.480, -0.025, 0.027, -0.133, 0.141, 0.009)),
-    Signature("friction", 0.05, (0.030, 0.805, -0.531, -0.008, 0.003, -0.204, 0.162, 0.017)),
+    Signature("stuck_upper", 0.08, (0.008, 0.516, 0.535, 0.007, 0.383, -0.534, -0.120, -0.003)),
+    Signature("stuck_upper", 0.08, (0.0, 0.497, -0.750, 0.007, 0.003, 0.237, -0.366, 0.001)),
+    Signature("stuck_upper", 0.08, (0.008, 0.653, 0.553, 0.008, 0.005, 0.360, -0.371, 0.002)),
+    Signature("stuck_upper", 0.08, (0.006, 0.536, 0.547, 0.008, 0.004, 0.241, -0.596, 0.0)),
+    Signature("stuck_upper", 0.08, (-0.010, 0.681, 0.158, -0.070, 0.505, -0.488, -0.117, -0.003)),
+    Signature("stuck_upper", 0.08, (0.002, 0.675, 0.605, 0.008, 0.005, 0.412, -0.090, 0.002)),
+    Signature("stuck_lower", 0.08, (-0.917, 0.235, 0.299, 0.005, 0.001, -0.115, 0.029, 0.024)),
+    Signature("lower_stop", 0.08, (0.038, 0.465, 0.524, -0.049, 0.612, -0.322, -0.167, -0.003)),
+    Signature("lower_stop", 0.08, (0.054, 0.140, 0.131, -0.133, 0.837, -0.437, -0.226, -0.005)),
+    Signature("lower_stop", 0.08, (-0.308, 0.394, 0.481, -0.083, 0.632, -0.299, -0.148, -0.005)),
+    Signature("upper_stop", 0.08, (-0.918, -0.147, 0.366, -0.019, -0.007, -0.030, -0.009, 0.006)),
+    Signature("spring", 0.08, (-0.031, -0.610, 0.480, -0.024, -0.007, -0.598, 0.145, 0.127)),
+    Signature("spring", 0.08, (0.018, -0.639, 0.493, -0.037, -0.016, -0.457, 0.372, 0.018)),
+    Signature("turns", 0.08, (0.508, 0.498, 0.502, 0.490, -0.025, -0.016, -0.010, -0.001)),
+    Signature("turns", 0.08, (0.381, 0.389, 0.393, 0.378, 0.001, 0.0, -0.637, 0.0)),
+    Signature("turns", 0.08, (0.374, 0.393, 0.411, 0.369, -0.631, -0.011, -0.048, 0.0)),
+    Signature("contact", 0.08, (-0.080, -0.356, -0.688, -0.601, -0.169, -0.057, -0.020, -0.001)),
+    Signature("supply", 0.08, (-0.223, -0.412, -0.685, -0.554, -0.068, -0.008, -0.003, 0.0)),
+    Signature("gain", 0.08, (-0.233, -0.496, -0.575, -0.576, -0.183, -0.054, -0.003, 0.0)),
+    Signature("friction", 0.08, (0.033, 0.790, -0.513, -0.025, 0.011, -0.246, 0.225, 0.007)),
+    Signature("friction", 0.08, (0.066, 0.848, -0.484, -0.048, -0.014, -0.147, 0.132, -0.001)),
+    Signature("friction", 0.08, (0.001, 0.855, -0.449, 0.039, 0.223, -0.053, 0.116, 0.015)),
+    Signature("friction", 0.09, (0.268, 0.824, -0.442, -0.009, 0.144, -0.090, 0.158, 0.007)),
+    Signature("friction", 0.08, (0.009, 0.801, -0.540, -0.011, 0.006, -0.193, 0.168, 0.014)),
 )
 GRADUAL = (
-    Signature("spring", 0.18, (0.057, 0.208, -0.242, -0.289, -0.143, -0.104, -0.883)),
-    Signature("turns", 0.07, (0.670, 0.677, 0.081, -0.222, 0.149, -0.024, 0.119)),
-    Signature("supply", 0.20, (0.046, -0.699, -0.027, 0.519, -0.138, 0.315, 0.356)),
-    Signature("gain", 0.19, (-0.084, -0.808, -0.115, 0.056, 0.240, -0.218, -0.468)),
-    Signature("friction", 0.17, (-0.027, -0.336, 0.310, 0.297, 0.313, 0.775, 0.049)),
-    Signature("friction", 0.16, (-0.020, -0.273, 0.247, 0.186, 0.203, 0.825, 0.327)),
+    Signature("lower_stop", 0.20, (0.511, 0.571, -0.096, -0.453, -0.210, 0.243, -0.307)),
+    Signature("spring", 0.17, (0.098, 0.190, -0.174, -0.218, -0.175, -0.099, -0.914)),
+    Signature("turns", 0.08, (0.722, 0.637, 0.064, -0.246, 0.059, -0.002, 0.065)),
+    Signature("gain", 0.13, (-0.037, -0.796, -0.103, 0.036, 0.090, -0.273, -0.520)),
+    Signature("friction", 0.23, (0.052, -0.273, 0.313, 0.255, 0.219, 0.813, -0.224)),
+    Signature("friction", 0.12, (-0.050, -0.182, 0.154, 0.149, 0.127, 0.928, 0.204)),
+    Signature("friction", 0.20, (0.376, 0.112, 0.070, -0.293, -0.258, 0.469, -0.685)),
 )
 
 
