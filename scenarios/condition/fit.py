@@ -20,7 +20,7 @@ from .cases import CASES, COURSE, Case, devices, document, times
 from .judge import EACH, SHIFT, times_of
 
 NAMES = [f"monitor.{name}" for name in ("faults", *Profile._fields, *Moved._fields[1:])]
-LEAST, GROUPS, FEW, ROUNDS = 0.08, 8, 0.02, 20  # spread, groups, share of the rows that is none, rounds of the search
+LEAST, GROUPS, FEW, ROUNDS = 0.05, 8, 0.02, 20  # spread, groups, share of the rows that is none, rounds of the search
 NEAR = 0.9  # cosine from which a direction is in a group
 SEEDS = (21, 22, 23)
 FAR = 2.0  # usual wanderings from which a device counts
@@ -62,8 +62,13 @@ def groups(rows: Array, count: int) -> list[Array]:
 def said(cause: str, rows: Array) -> str:
     """A signature in the words of the table."""
     mean = directions(rows.mean(axis=0, keepdims=True))[0]
-    spread = max(LEAST, float(np.sqrt(np.mean((rows - mean) ** 2))))
-    return f'    Signature("{cause}", {spread:.2f}, ({", ".join(f"{x:.3f}" for x in mean)})),  # {len(rows)}'
+    spreads = np.maximum(LEAST, np.sqrt(np.mean((rows - mean) ** 2, axis=0)))
+    return f'    Signature("{cause}", {hundredths(mean)}, {hundredths(spreads)}),  # {len(rows)}'
+
+
+def hundredths(entries: Array) -> tuple[int, ...]:
+    """The nearest ones."""
+    return tuple(int(x) for x in np.rint(100.0 * entries))
 
 
 def main(count: int = 24, *seeds: int) -> None:

@@ -60,13 +60,17 @@ def cases_table(found: Found, course: Course) -> list[Table]:
             latest, again = max(s.told for s in spans), float(np.median([s.passed for s in spans]))
             cells = [
                 f"{100 * told:.0f} %",
-                f"{latest:.0f}",
+                _operations(latest),
                 f"{100 * right:.0f} %",
                 f"{100 * passed:.0f} %",
-                f"{again:.0f}",
+                _operations(again),
             ]
             rows.append([name, f"{end - begin}", *cells])
     return [table("What Monitor says of faults; times in operations", heads, rows)]
+
+
+def _operations(count: float) -> str:
+    return f"{count:.0f}" if count < np.inf else "never"
 
 
 def alarm_sentence(said: Alarms) -> str:

@@ -47,7 +47,7 @@ LEAST = 1e-12  # of a size, a value or a deviation that is divided by
 UNKNOWN = 1.0  # density of directions that are in no table
 BACK = 0.065  # share of R, and of a current, within which it is what it was before a fault
 SAME = 1.0  # usual wanderings within which learnt values are what they were before a fault
-DEAD = 0.1  # share of what `Mhe` expected at the end of a closing, below which there was no current
+DEAD = 0.1  # share of what `Mhe` expected in a closing, below which there was no current
 TOLD = 0.5  # evidence with which a cause is given
 QUICK, SLOW = 1.0 / 50.0, 1.0 / 500.0  # weights of a window in the means whose difference is the trend
 PER = 1000.0  # operations to which a trend refers
@@ -171,7 +171,7 @@ def _judge(state: State, par: Parameters) -> State:
     is_still, is_abnormal = not_(is_set(operation.has_moved)), is_set(operation.is_abnormal)
     is_strange = is_still | (is_abnormal & (size > par.limit_strange) & not_(is_familiar))
     is_calm = not_(is_abnormal | is_still | (course.verdict == Verdict.faulty))
-    is_dead = (size > par.limit_strange) & (fabs(currents[-1]) < DEAD * fabs(means[-1]))
+    has_current = fabs(total(operation.charges)) > DEAD * fabs(total(operation.sums))
     course = course._replace(
         size=size,
         commands=course.commands + 1.0,
@@ -180,7 +180,7 @@ def _judge(state: State, par: Parameters) -> State:
         familiar=where(is_familiar & not_(is_still), course.familiar + 1.0, 0.0),
         is_relearnt=where(is_abnormal, course.is_relearnt, 0.0),
         is_still=flag(is_still),
-        is_dead=where(is_closing, flag(is_dead), course.is_dead),
+        is_dead=where(is_closing, flag((size > par.limit_strange) & not_(has_current)), course.is_dead),
     )
     state = when(is_calm, lambda state: _know(state, currents), state._replace(course=course))
 
@@ -385,9 +385,10 @@ def _evidence(found: Array, signatures: tuple[Signature, ...], noise: Scalar) ->
     """What speaks for each cause, by the distances of directions (4)."""
     length = _length(found) + LEAST
     causes: list[Scalar] = [0.0] * len(CAUSES)
-    for cause, spread, entries in signatures:
-        variance = spread * spread + square(HALF * noise / length)
-        density = exp(-0.5 * _square(found / length - vector(direction(entries))) / variance) / square(square(variance))
+    for cause, entries, spreads in signatures:
+        off = found / length - vector(direction(entries))
+        variances = [square(0.01 * spread) + square(HALF * noise / length) for spread in spreads]
+        density = exp(-0.5 * total(x * x / v + log(v) for x, v in zip(off, variances)))
         causes[CAUSES.index(cause)] = causes[CAUSES.index(cause)] + density
     return vector(causes) / (total(causes) + UNKNOWN)
 
