@@ -40,6 +40,7 @@ def content(subject: Subject, result: Result) -> dict[str, Any]:
         ],
         "files": plan.files(subject),
         "inputs": plan.inputs(subject),
+        "events": [*plan.events(subject)],
         "signals": [[name, about.unit] for name, about in subject.about.items()],
         "constants": dict(constants(subject)),
         "panels": [*panels(scenario, result)],

@@ -85,7 +85,7 @@ def page(scenario: Source, variant: str | None = None, fmus: str | Path | None =
             style=Markup("\n".join([*styles, report.read("page.css", HERE)])),
             plan=content(subject, result),
             module=packed(compiled),
-            worker=Markup(report.closed(report.read("worker.js", HERE))),
+            worker=Markup("\n".join(report.closed(report.read(name, HERE)) for name in ("events.js", "worker.js"))),
             scripts=[*map(Markup, scripts)],
             version=__version__,
             uplot=UPLOT,
@@ -101,10 +101,6 @@ def refuse_unfit(subject: Subject) -> None:
     if foreign:
         found = f"these FMUs are not from this version: {', '.join(foreign)}"
         problems.append(f"{found}. A page is compiled of Gapsense's own components; build them with `gapsense build`.")
-    if scenario.events:
-        problems.append(
-            f"a page has no events: {listing([*scenario.events])}. Choose a variant that disables them all."
-        )
     if problems:
         raise ScenarioError([f"{scenario.path.name}: {problem}" for problem in problems])
 

@@ -32,24 +32,47 @@ function run(values) {
     bytes(at, content.length).set(content);
     return [at, content.length - 1];
   };
-  const check = (refused) => {
-    if (refused) throw new Error(said.join(" ") || `The run stopped after base step ${module.done()}.`);
+  const fail = (text) => {
+    throw new Error(text);
   };
-  const set = (part, [reference, kind, value]) =>
-    check(kind === TEXT ? module.set_text(part, reference, put(value)[0]) : module.set_number(part, kind, reference, Number(value)));
+  const check = (refused) => refused && fail(said.join(" "));
+  const give = (part, [reference, kind, value]) =>
+    kind === TEXT ? module.set_text(part, reference, put(value)[0]) : module.set_number(part, kind, reference, Number(value));
+
+  const tune = (of, value, names) => {
+    if (give(of.part, [of.reference, of.kind, value]))
+      fail(`${said.join(" ").replace(/\.$/, "")}; event ${names} sets \`${of.target}\` to ${value}.`);
+  };
+  const nominal = ({ part, reference, kind, start }) => {
+    const given = [...plan.components[part].values, ...(values[part] || [])].findLast(([own]) => own === reference);
+    return kind === TEXT ? (given ? given[2] : start) : module.number(part, reference);
+  };
+  const stopped = (part, step) => {
+    const { name } = plan.components[part];
+    const lost = director.losing(part).map((event) => `\`${event}\``).join(" and ");
+    const cause = said.join(" ") || `\`${name}\` stopped the run after base step ${step}: it refused, or an output is not finite.`;
+    return lost ? `${cause} Event ${lost} gives it NaN. If it does not accept NaN, use \`stuck\`.` : cause;
+  };
 
   module = new WebAssembly.Instance(compiled, { page: { say } }).exports;
   module._initialize();
   for (const [path, text] of Object.entries(plan.files)) module.give_file(put(path)[0], ...put(text));
   check(module.open());
-  plan.components.forEach((own, part) => [...own.values, ...(values[part] || [])].forEach((one) => set(part, one)));
+  plan.components.forEach((own, part) => [...own.values, ...(values[part] || [])].forEach((one) => check(give(part, one))));
+  const director = directorOf(module, plan.events, tune, nominal);
+  director.turn(-1);
   for (const [place, value] of plan.inputs) new Float64Array(module.memory.buffer, module.inputs(), place + 1)[place] = value;
   check(module.start());
   const constants = Object.fromEntries(Object.entries(plan.constants).map(([name, at]) => [name, module.number(...at)]));
-  check(module.advance(plan.count));
+  director.begin();
+  for (let done = -1, change = 0; done < plan.count; ) {
+    if (module.advance(Math.min(change, plan.count))) fail(stopped(module.acting(), module.done()));
+    done = module.done();
+    if (done < plan.count) change = director.turn(done);
+  }
   const rows = module.rows();
   const record = new Float64Array(module.memory.buffer, module.record(), rows * plan.signals.length).slice();
-  return { record, rows, constants, milliseconds: performance.now() - begun };
+  return { record, rows, constants, events: director.happened, milliseconds: performance.now() - begun };
 }
 
 const TEXT = 3; // kind of a value, as model.h numbers them
