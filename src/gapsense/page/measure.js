@@ -1,13 +1,14 @@
 // Metrics of a run: which samples each looks at, and its number. As result.py and metrics.py.
 "use strict";
 
-// Signals by name over their times, of a record row by row.
-function columnsOf({ record, rows, constants, milliseconds }, plan) {
+// Signals by name over all times of the run, of a record row by row: NaN where it has not come yet.
+function columnsOf({ record, ...more }, plan) {
   const width = plan.signals.length;
-  const times = Float64Array.from({ length: rows }, (_, k) => plan.start + k * plan.decimation * plan.baseStep);
-  const column = (place) => Float64Array.from({ length: rows }, (_, k) => record[k * width + place]);
+  const rows = Math.floor(plan.count / plan.decimation) + 1;
+  const times = new Float64Array(rows).map((_, k) => plan.start + k * plan.decimation * plan.baseStep);
+  const column = (place) => times.map((_, k) => record[k * width + place]);
   const signals = Object.fromEntries(plan.signals.map(([name], place) => [name, column(place)]));
-  return { rows, times, signals, constants, milliseconds };
+  return { ...more, rows, times, signals };
 }
 
 const componentOf = (signal, plan) => plan.components.find(({ name }) => name === signal.split(".", 1)[0]);

@@ -272,6 +272,7 @@ def events(subject: Subject) -> Iterator[dict[str, Any]]:
             **keys,
             "name": event.name,
             "tells": first[event.name] == name,
+            "what": f"{event.action} {subject.scenario.events[event.name].target}",
             "target": str(event.target),
             "part": subject.order.names.index(component),
             "reference": variable.reference,
