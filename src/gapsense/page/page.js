@@ -95,7 +95,7 @@
       range.ariaValueText = `${field.value} ${unit}`;
     };
     const write = (value) => {
-      field.value = shifted(value, -exponent);
+      field.value = Number(shifted(value, -exponent).toPrecision(6)); // the run has all digits
       place(value);
     };
     range.oninput = () => {
@@ -164,6 +164,10 @@
   const FONT = "12px system-ui, sans-serif";
   let plots = [];
 
+  const WHOLE = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10000, 100000, 1e6, 1e9]; // between two marks of a strip
+  const aroundSteps = (_, low, high) => [(low ?? 0) - 0.3, (high ?? 0) + 0.3 + (low === high)];
+  const aroundCurves = (plot, low, high) => (low === high ? aroundSteps(plot, low, high) : uPlot.rangeNum(low, high, 0.1, true));
+  const paler = (of) => `color-mix(in srgb, ${of} 16%, transparent)`;
   const heightOf = ({ isStrip, isError }) => (isStrip ? 64 : isError ? 150 : 210);
   function panelOf(panel) {
     const head = made("b", {}, panel.title);
@@ -187,29 +191,38 @@
       const isShown = chip.ariaPressed !== "true";
       chip.ariaPressed = String(isShown);
       own.hidden[isShown ? "delete" : "add"](k);
-      own.plot?.setSeries(k + 1, { show: isShown });
+      own.plot?.series.forEach(({ of }, place) => of === k && own.plot.setSeries(place, { show: isShown }));
     };
     own.values.push(output);
     return chip;
   }
   function optionsOf(own) {
     const { panel, place } = own;
-    const axis = (size) => ({
+    const axis = (size, space) => ({
       stroke: () => colour("--text"), grid: { stroke: () => colour("--c-d9dee4"), width: 1 },
-      ticks: { stroke: () => colour("--c-d9dee4"), width: 1 }, font: FONT, size,
+      ticks: { stroke: () => colour("--c-d9dee4"), width: 1 }, font: FONT, size, space, values: (_, ticks) => ticks.map((tick) => fourDigits(Number(tick.toPrecision(4)))),
     });
+    const isSeen = (k) => !own.hidden.has(k);
     const rows = plan.count / plan.decimation;
     const paths = rows > MOST_STEPS || panel.isError ? uPlot.paths.linear() : uPlot.paths.stepped({ align: 1 });
     const truth = rows > MOST_STEPS ? 2 : 4;
     const thinner = (k) => 1.2 + 1.2 * (1 - (k + 1) / panel.curves.length); // so that curves that coincide are all seen
     const series = panel.curves.map(({ name, colour: stroke, dash, isTruth, time }, k) => ({
-      label: name, stroke: () => colour(stroke), dash, width: isTruth ? truth : thinner(k), points: { show: false },
-      paths: time ? uPlot.paths.linear() : paths, spanGaps: true, show: !own.hidden.has(k),
+      of: k, label: name, stroke: () => colour(stroke), dash, width: isTruth ? truth : thinner(k), points: { show: false },
+      paths: time ? uPlot.paths.linear() : paths, spanGaps: true, show: isSeen(k),
     }));
+    const bands = panel.curves.flatMap(({ band, colour: fill, time }, k) => {
+      const end = { of: k, auto: false, width: 0, points: { show: false }, paths: time ? uPlot.paths.linear() : paths, spanGaps: true, show: isSeen(k) };
+      return band ? [{ ...end, fill }, { ...end, fill }] : [];
+    });
+    const pairs = bands.flatMap(({ fill }, k) =>
+      k % 2 ? [] : [{ series: [1 + series.length + k, 2 + series.length + k], fill: () => paler(colour(fill)) }]);
     return {
       width: place.clientWidth, height: heightOf(panel),
       legend: { show: false }, cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
-      scales: { x: { time: false } }, axes: [{ ...axis(28), show: !panel.isStrip }, axis(64)], series: [{}, ...series],
+      padding: [8, 16, 0, 0], scales: { x: { time: false }, y: { range: panel.isStrip ? aroundSteps : aroundCurves } },
+      axes: [{ ...axis(28, 50), show: !panel.isStrip }, { ...axis(64, panel.isStrip ? 14 : 24), ...(panel.isStrip && { incrs: WHOLE }) }],
+      series: [{}, ...series, ...bands.map((end) => ({ ...end, fill: undefined }))], bands: pairs,
       hooks: { setCursor: [(plot) => follow(own, plot.cursor.idx)], setScale: [zoomed], drawClear: [shade], draw: [hideWhatComes] },
     };
   }
@@ -224,23 +237,29 @@
   }
   function follow(own, row) {
     own.values.forEach((output, k) => {
-      const value = row == null ? null : own.plot.data[k + 1][row];
+      const value = row == null ? null : own.plot?.data[k + 1][row];
       output.textContent = value == null ? "" : fourDigits(value);
     });
   }
 
-  // Values of a curve at the rows; between those that it has nothing is known.
-  function valuesOf(curve, panel, run) {
-    if (!panel.isError && !curve.time) return run.signals[curve.name] || run.times.map(() => run.constants[curve.name]);
-    const samples = samplesOf({ ...curve, signal: curve.name }, run, plan);
-    const references = referencesOf(curve, samples, run, plan);
-    const values = new Array(run.rows).fill(null);
+  // Values of a curve at the rows, and the ends of its band if it has one; between those that it has nothing is known.
+  function linesOf(curve, panel, run) {
+    if (!panel.isError && !curve.time && !curve.band) return [run.signals[curve.name] || run.times.map(() => run.constants[curve.name])];
+    const isOfSamples = panel.isError || curve.time;
+    const samples = isOfSamples ? samplesOf({ ...curve, signal: curve.name }, run, plan) : { rows: run.times.map((_, k) => k) };
+    const references = isOfSamples ? referencesOf(curve, samples, run, plan) : [];
+    const lines = Array.from({ length: curve.band ? 3 : 1 }, () => new Array(run.rows).fill(null));
     samples.rows.forEach((row, k) => {
       const place = curve.time ? rowAt(samples.times[k], run, plan) : row;
-      const value = run.signals[curve.name][row] - references[k];
-      if (place !== undefined && Number.isFinite(value)) values[place] = value;
+      const value = run.signals[curve.name][row] - (references[k] ?? 0);
+      if (place === undefined || !Number.isFinite(value)) return;
+      lines[0][place] = value;
+      if (!curve.band) return;
+      const spread = Math.max(0, run.signals[curve.band.signal][row]);
+      const half = curve.band.sigmas * (curve.band.isVariance ? Math.sqrt(spread) : spread);
+      [lines[1][place], lines[2][place]] = [1, -1].map((sign) => (panel.isError ? 0 : value) + sign * half);
     });
-    return values;
+    return lines;
   }
   const largest = (columns) => columns.reduce((most, one) => one.reduce((m, x) => Math.max(m, Math.abs(x) || 0), most), 0);
   const scaled = (values, factor) => Array.from(values, (x) => (x === null || Number.isNaN(x) ? null : x / factor));
@@ -256,11 +275,13 @@
   function refresh(own) {
     if (!shown || own.drawn === shown) return;
     const { panel } = own;
-    const columns = panel.curves.map((curve) => valuesOf(curve, panel, shown));
+    const lines = panel.curves.map((curve) => linesOf(curve, panel, shown));
+    const columns = lines.map(([values]) => values);
     const isPlain = panel.unit === "" || panel.unit === "1";
     const [factor, unit] = isPlain ? [1, ""] : prefixed(largest(columns), panel.unit, plan);
     own.head.textContent = panel.title + (unit && ` / ${unit}`);
-    const data = [shown.scaledTimes, ...columns.map((values) => scaled(values, factor))];
+    const bands = lines.flatMap(([, ...ends]) => ends);
+    const data = [shown.scaledTimes, ...[...columns, ...bands].map((values) => scaled(values, factor))];
     if (own.plot) own.plot.setData(data);
     else own.plot = new uPlot(optionsOf(own), data, own.place);
     if (zoom) own.plot.setScale("x", zoom);
