@@ -19,7 +19,12 @@ from gapsense.page.page import write_page
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("zig")]
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = sorted(f.parent for f in ROOT.glob("scenarios/*/scenario.toml"))
-RUNNABLE = [folder for folder in SCENARIOS if not load(folder).events]
+WITH_EVENTS = [  # variants that have events
+    (folder, name)
+    for folder in SCENARIOS
+    for name in load(folder).variants
+    if any(event.enabled for event in load(folder, name).events.values())
+]
 LARGEST = 400_000  # bytes of a page
 
 
@@ -44,11 +49,7 @@ def assert_equal(opened: Opened, result: Any) -> None:
     assert wrong == []
 
 
-def test_only_scenarios_with_events_are_no_pages():
-    assert {folder.name for folder in SCENARIOS} - {folder.name for folder in RUNNABLE} == {"run_to_run_day"}
-
-
-@pytest.mark.parametrize("folder", RUNNABLE, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("folder", SCENARIOS, ids=lambda folder: folder.name)
 def test_page_has_the_bits_of_native_fmus_its_file_and_its_metrics(browser, tmp_path, fmus, natives, folder):
     pytest.importorskip("bokeh")
     file = write_page(folder, tmp_path / f"{folder.name}.html", fmus=fmus)
@@ -64,9 +65,47 @@ def test_page_has_the_bits_of_native_fmus_its_file_and_its_metrics(browser, tmp_
     assert opened.page.locator("tr.bad").count() == sum(not m.passed for m in result.metrics.values())
     milliseconds = opened.again(5)
     print(f"{folder.name}: {file.stat().st_size} bytes, {min(milliseconds):.1f} ms; native {1e3 * result.wall:.1f} ms")
+    assert opened.page.evaluate("gapsense.run.events") == spans(result)
     assert opened.complaints == [] and opened.problem() == ""
     assert all(url.startswith(("file:", "blob:", "data:")) for url in opened.fetched)
     assert file.stat().st_size < LARGEST
+    opened.close()
+
+
+@pytest.mark.parametrize(("folder", "variant"), WITH_EVENTS, ids=lambda x: getattr(x, "name", x))
+def test_events_of_variants_have_the_bits_of_native_fmus(browser, tmp_path, fmus, natives, folder, variant):
+    pytest.importorskip("bokeh")
+    result = run(folder, variant, fmus=natives)
+    opened = Opened(browser, write_page(folder, tmp_path / "x.html", variant, fmus))
+    assert_equal(opened, result)
+    assert opened.page.evaluate("gapsense.run.events") == spans(result) != []
+    assert opened.page.locator("caption", has_text="Events, shaded in the plots").count() == 1
+    assert opened.complaints == [] and opened.problem() == ""
+    opened.close()
+
+
+def test_events_meet_the_values_of_sliders(browser, tmp_path, fmus):
+    event = '[events.hot]\ntarget = "valve.coil.resistance"\naction = "scale"\nvalue = 1.2\nover = 5e-3\nat = 9.95e-3\n'
+    opened = Opened(browser, write_page(with_text(tmp_path, event), tmp_path / "x.html", None, fmus))
+    opened.change(lambda: opened.type("valve.coil.resistance", "60"))
+    assert_equal(opened, run(changed(tmp_path, ["valve.coil.resistance=60"]), fmus=fmus))
+    opened.close()
+
+
+@pytest.mark.parametrize(
+    ("target", "action", "said"),
+    [
+        ("valve.coil.resistance", "set", r"coil.resistance.*-5.*; event `bad` sets `valve.coil.resistance` to -5\."),
+        ("valve.voltage", "dropout", r"Event `bad` gives it NaN\. If it does not accept NaN, use `stuck`\."),
+    ],
+)
+def test_failure_that_an_event_causes_names_it(browser, tmp_path, fmus, target, action, said):
+    fine = '[events.bad]\ntarget = "{}"\naction = "{}"\nat = 9.95e-3\nuntil = 19.95e-3\n'.format(target, action)
+    folder = with_text(tmp_path, fine + ("value = 80.0\n" if action == "set" else ""))
+    file = write_page(folder, tmp_path / "x.html", None, fmus) if action == "set" else None
+    if file is None:  # no page is made of a run that fails, so that one gets a value that turns a good event into a bad one
+        pytest.fail("not written")
+    opened = Opened(browser, file)
     opened.close()
 
 

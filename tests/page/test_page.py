@@ -164,11 +164,6 @@ def test_scenario_with_fmus_of_others_is_refused_in_a_sentence(tmp_path, fmus, m
     assert not (tmp_path / "x.html").exists()
 
 
-def test_scenario_with_events_is_refused_in_a_sentence(tmp_path, fmus):
-    with pytest.raises(ScenarioError, match=r"scenario.toml: a page has no events: `\w+`.*Choose a variant"):
-        write_page(SCENARIOS / "run_to_run_day", tmp_path / "x.html", fmus=fmus)
-
-
 def test_missing_compiler_is_told_with_what_to_install(tmp_path, fmus, monkeypatch):
     monkeypatch.setattr(module, "zig_version", lambda: None)
     words = ["page", str(SCENARIOS / "semera_valve"), "--fmus", str(fmus), "--out", str(tmp_path / "x.html")]

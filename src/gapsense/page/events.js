@@ -2,8 +2,8 @@
 "use strict";
 const NEVER = Infinity;
 
-// `set` gives a parameter a value; `nominal` has the values of parameters at the start.
-function directorOf(module, events, set, nominal) {
+// `tune` gives a parameter a value: a number, since none of another type can be changed during a run.
+function directorOf(module, events, tune) {
   const actors = events.map((of) => ({
     of, begin: of.begin ?? NEVER, end: of.end ?? NEVER, isOn: false, isArmed: true, since: null, isWatched: false, held: 0,
   }));
@@ -86,11 +86,11 @@ function directorOf(module, events, set, nominal) {
     const [factor, bias] = effect && effect[0] !== null ? effect : [1, 0];
     module.stage(part, link, effect && effect[0] === null ? held : source, effect !== null && effect[0] !== null, factor, bias);
   }
-  function tune(own, k) {
+  function tuneAt(own, k) {
     const value = k >= 0 ? valueOf(own, k) : own.last;
     if (value === own.last) return NEVER;
     if (!takes(own.of, k)) return following(own.of, k);
-    set(own.of, value, own.actors.map(({ of }) => `\`${of.name}\``).join(" and "));
+    tune(own.of, value, own.actors.map(({ of }) => `\`${of.name}\``).join(" and "));
     own.last = value;
     return NEVER;
   }
@@ -98,7 +98,7 @@ function directorOf(module, events, set, nominal) {
   return {
     happened,
     begin() {
-      for (const own of tuned) own.nominal = own.last = nominal(own.of);
+      for (const own of tuned) own.nominal = own.last = module.number(own.of.part, own.of.reference);
     },
     // Prepare what comes after base step k (-1: the initialization); the next one after which to do so again.
     turn(k) {
@@ -109,7 +109,7 @@ function directorOf(module, events, set, nominal) {
         if (change < 0 && of.tells) happened.findLast(([name]) => name === of.name)[2] = k + of.lead;
         if (of.lead) stage(actor, effectOf(actor, k + of.lead));
       }
-      const late = tuned.map((own) => tune(own, k));
+      const late = tuned.map((own) => tuneAt(own, k));
       return Math.min(...actors.map((actor) => due(actor, k)), ...late);
     },
     losing: (part) => actors.filter(({ of, isOn }) => isOn && of.action === "dropout" && of.part === part).map(({ of }) => of.name),

@@ -58,7 +58,7 @@ def header(subject: Subject) -> str:
         array("int64_t", "columns", subject.columns),
         array("int64_t", "places", [layout.inlets[port] for port in scenario.played]),
         array("double", "played", played),
-        array("double", "noise", [number for actor in acting.values() for number in noises(actor, experiment)]),
+        array("double", "noise", noises(acting, experiment)),
         array("Watch", "watches", [condition(actor.watch) for actor in acting.values() if actor.watch]),
     )
     count, width = shape(scenario, subject.columns)
@@ -217,7 +217,7 @@ def inputs(subject: Subject) -> list[list[float]]:
     return [[inlets[port], float(value)] for port, value in given.items()]
 
 
-# Events: what is known before a run, counted in base steps, is that of the runner; what depends on signals is in events.js.
+# Events: what is known before a run, counted in base steps, is that of the runner; the rest is in events.js.
 
 
 def actors(subject: Subject) -> dict[str, Actor]:
@@ -242,13 +242,15 @@ def value_of(event: Event, subject: Subject) -> Value | None:
     return None if event.value is None else variable.number(event.value)
 
 
-def noises(actor: Actor, experiment: Experiment) -> list[float]:
-    """Numbers of an event that is noise, for each base step at which it may be on."""
-    return [noise(actor.event.name, actor.seed, k) for k in span(actor, experiment)] if actor.event.is_random else []
+def noises(acting: Mapping[str, Actor], experiment: Experiment) -> list[float]:
+    """Numbers of events that are noise, one after the other."""
+    return [noise(of.event.name, of.seed, k) for of in acting.values() for k in noisy(of, experiment)]
 
 
-def span(actor: Actor, experiment: Experiment) -> range:
-    """Base steps at which an event may be on."""
+def noisy(actor: Actor, experiment: Experiment) -> range:
+    """Base steps at which an event may need a random number."""
+    if not actor.event.is_random:
+        return range(0)
     begin = actor.after if actor.watch else actor.track.begin or 0
     return range(begin, min(actor.track.end or NEVER, experiment.count + 1))
 
@@ -277,7 +279,6 @@ def events(subject: Subject) -> Iterator[dict[str, Any]]:
             "part": subject.order.names.index(component),
             "reference": variable.reference,
             "kind": KINDS.index(variable.type),
-            "start": variable.start,
             "action": event.action,
             "value": event.value,
             "begin": actor.track.begin,
@@ -285,10 +286,10 @@ def events(subject: Subject) -> Iterator[dict[str, Any]]:
             "watch": watched.index(name) if actor.watch else None,
             "after": actor.after,
             "again": bool(event.when and event.when.again),
-            "noise": room - span(actor, experiment).start,
+            "noise": room - noisy(actor, experiment).start,
             **stage(name, layout, subject),
         }
-        room += len(noises(actor, experiment))
+        room += len(noisy(actor, experiment))
 
 
 def stage(name: str, layout: Layout, subject: Subject) -> dict[str, int]:

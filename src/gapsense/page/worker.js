@@ -53,10 +53,6 @@ function run(values, isFirst) {
     if (give(of.part, [of.reference, of.kind, value]))
       fail(`${said.join(" ").replace(/\.$/, "")}; event ${names} sets \`${of.target}\` to ${value}.`);
   };
-  const nominal = ({ part, reference, kind, start }) => {
-    const given = [...plan.components[part].values, ...(values[part] || [])].findLast(([own]) => own === reference);
-    return kind === TEXT ? (given ? given[2] : start) : module.number(part, reference);
-  };
   const stopped = (part, step) => {
     const { name } = plan.components[part];
     const lost = director.losing(part).map((event) => `\`${event}\``).join(" and ");
@@ -69,7 +65,7 @@ function run(values, isFirst) {
   for (const [path, text] of Object.entries(plan.files)) module.give_file(put(path)[0], ...put(text));
   check(module.open());
   plan.components.forEach((own, part) => [...own.values, ...(values[part] || [])].forEach((one) => check(give(part, one))));
-  const director = directorOf(module, plan.events, tune, nominal);
+  const director = directorOf(module, plan.events, tune);
   director.turn(-1);
   for (const [place, value] of plan.inputs) new Float64Array(module.memory.buffer, module.inputs(), place + 1)[place] = value;
   check(module.start());
