@@ -119,7 +119,7 @@ def property_of(colour: str) -> str:
 def metric(of: Metric, result: Result) -> dict[str, Any]:
     """A metric, as the scripts measure it."""
     bounds = of.bounds and [bound if math.isfinite(bound) else None for bound in of.bounds]
-    keys = ("name", "kind", "signal", "reference", "after", "before", "where", "time", "published", "table")
+    keys = ("name", "kind", "signal", "reference", "after", "before", "event", "where", "time", "published", "table")
     return {
         **{key: getattr(of, key) for key in keys},
         "label": of.label,

@@ -13,12 +13,22 @@ function columnsOf({ record, ...more }, plan) {
 
 const componentOf = (signal, plan) => plan.components.find(({ name }) => name === signal.split(".", 1)[0]);
 
+// Between which times the samples of a metric lie; between none if it counts from an event that did not happen.
+function windowOf({ event, after, before }, run, plan) {
+  if (!event) return [after ?? -Infinity, before ?? Infinity];
+  const found = run.events.find(([name]) => name === event);
+  const begin = found ? plan.start + found[1] * plan.baseStep : Infinity;
+  return [begin + (after ?? 0), before == null ? Infinity : begin + before];
+}
+
 // Rows at which the component of a signal has just stepped, inside of a window, and the times that they are about.
-function samplesOf({ signal, where, time, after, before }, run, plan) {
+function samplesOf(metric, run, plan) {
+  const { signal, where, time } = metric;
+  const [after, before] = windowOf(metric, run, plan);
   const { step, offset } = componentOf(signal, plan);
   const slack = 1e-9 * plan.baseStep;
-  const low = (after ?? -Infinity) + slack;
-  const high = (before ?? Infinity) - slack;
+  const low = after + slack;
+  const high = before - slack;
   const found = { rows: [], times: [] };
   for (let row = 0; row < run.rows; row++) {
     const since = row * plan.decimation - offset;
@@ -82,7 +92,8 @@ function measure(metric, run, plan) {
   const signal = samples.rows.map((row) => run.signals[metric.signal][row]);
   const references = referencesOf(metric, samples, run, plan);
   if (metric.isAxis) return MEASURES[metric.kind](signal, references);
-  const since = samples.times.map((time) => time - (metric.after ?? plan.start));
+  const [after] = windowOf(metric, run, plan);
+  const since = samples.times.map((time) => time - (after === -Infinity ? plan.start : after));
   return MEASURES[metric.kind](signal.map((value, k) => value - references[k]), since);
 }
 

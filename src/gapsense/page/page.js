@@ -176,8 +176,8 @@
     place.style.height = `${heightOf(panel)}px`;
     const figure = made("figure", { className: "panel" }, made("figcaption", { hidden: panel.isStrip }, head, " ", made("small", {}, panel.note)), chips, place);
     at("plots").append(figure);
-    place.role = "img";
-    place.ariaLabel = `${panel.title}: ${panel.curves.map(({ name }) => name).join(", ")}`;
+    place.setAttribute("role", "img");
+    place.setAttribute("aria-label", `${panel.title}: ${panel.curves.map(({ name }) => name).join(", ")}`);
     const own = { panel, figure, head, place, values: [], hidden: new Set() };
     panel.curves.forEach((curve, k) => chips.append(chipOf(own, curve, k)));
     return own;
