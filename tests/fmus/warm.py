@@ -56,6 +56,7 @@ while True:
         os.close(file)
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", closefd=False))
+    sys.stderr.reconfigure(line_buffering=True)  # as a Python has it
     os.environ.clear()
     os.environ.update(asked["environment"])
     sys.argv[:], tempfile.tempdir = ["-c", *asked["arguments"]], None

@@ -21,6 +21,7 @@ CASES = [
     ("profiles", None, "jacobi"),
     ("estimators", "other_physics", "gauss-seidel"),
     ("run_to_run", "model", "gauss-seidel"),
+    ("condition", None, "gauss-seidel"),
 ]
 COUNT, EVERY = 500, 251  # base steps: components of other steps and offsets are in the midst of theirs
 
