@@ -17,6 +17,7 @@ OF_COMPONENTS = {  # scenario that shows an estimator or a controller
     "HybridEkf": "pot_magnet",
     "IntegralEstimator": "semera_valve",
     "Mhe": "estimators",
+    "Monitor": "condition",
     "RunToRun": "run_to_run",
     "Semera": "semera_valve",
 }

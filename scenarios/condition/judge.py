@@ -54,7 +54,7 @@ def said(rows: Array, begin: float, end: float) -> Span:
     """What was said of one span."""
     t, (verdict, cause, faults) = times_of(len(rows)), rows.T
     before, last = int(np.searchsorted(t, begin)) - 1, int(np.searchsorted(t, end)) - 1
-    is_told = (t > begin) & (faults > faults[before])
+    is_told = (t > begin) & (t < end) & (faults > faults[before])
     is_healthy = (t > end) & (verdict == float(Verdict.healthy))
     number = int(cause[last])
     return Span(

@@ -13,7 +13,7 @@ from gapsense.estimators.monitor.signatures import CAUSES
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend_below, line, panels, recorded, shade
 from gapsense.report.table import table
 
-from .cases import CASES
+from .cases import CASES, Course
 from .judge import Alarms, Span, shares
 
 LABELS = ("position / mm", "size", "evidence", "verdict")
@@ -49,24 +49,28 @@ def run_figure(result: Result) -> Figure:
     return figure
 
 
-def cases_table(found: Found) -> list[Table]:
+def cases_table(found: Found, course: Course) -> list[Table]:
     """A row for each fault and each span of it."""
     heads = ["fault", "lasts", "told in 3", "at the latest after", "right cause", "healthy again in 5", "median"]
     rows = []
     for name, devices in found.items():
-        for n, length in enumerate(("10", "100")):
+        for n, (begin, end) in enumerate(course.spans):
             spans = [spans[n] for spans in devices]
             told, right, passed = shares(spans, CASES[name])
             latest, again = max(s.told for s in spans), float(np.median([s.passed for s in spans]))
             cells = [
                 f"{100 * told:.0f} %",
-                f"{latest:.0f}",
+                _operations(latest),
                 f"{100 * right:.0f} %",
                 f"{100 * passed:.0f} %",
-                f"{again:.0f}",
+                _operations(again),
             ]
-            rows.append([name, length, *cells])
+            rows.append([name, f"{end - begin}", *cells])
     return [table("What Monitor says of faults; times in operations", heads, rows)]
+
+
+def _operations(count: float) -> str:
+    return f"{count:.0f}" if count < np.inf else "never"
 
 
 def alarm_sentence(said: Alarms) -> str:
@@ -76,13 +80,15 @@ def alarm_sentence(said: Alarms) -> str:
     )
 
 
-def causes_figure(found: Found) -> Figure:
-    """How often which cause was named at the end of the long spans."""
+def causes_figure(found: Found, course: Course) -> Figure:
+    """How often which cause was named at the end of the last span, in percent of the devices."""
     names = [*CAUSES, ""]
     counts = np.array(
         [[sum(s[-1].cause == cause for s in spans) / len(spans) for cause in names] for spans in found.values()]
     )
-    figure, axes = panels("Causes that Monitor names after 100 operations", 1, 1, size=(9.0, 6.0))
+    begin, end = course.spans[-1]
+    title = f"Causes that Monitor names after {end - begin} operations, in percent of the devices"
+    figure, axes = panels(title, 1, 1, size=(9.0, 6.0))
     axis = axes[0, 0]
     axis.imshow(counts, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
     for (row, column), share in np.ndenumerate(counts):

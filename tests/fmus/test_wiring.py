@@ -28,6 +28,7 @@ PLAYS = {
     "drive": [c for c in COMPONENTS if c.name == "DriveVoltage"],
     "plant": [c for c in COMPONENTS if c.kernel.startswith("gapsense.actuators.")],
     "sensor": [c for c in COMPONENTS if c.name == "Sensor"],
+    "mhe": [c for c in COMPONENTS if c.name == "Mhe"],
 }
 HEAD = {"title": "pasted", "experiment": {"stop": 1e-3, "base_step": 1e-4}}  # a multiple of every sample time
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,17 +11,39 @@ from typing import Any
 import nine
 import numpy as np
 import pytest
-from opened import METRICS, Opened
+from opened import METRICS, PATIENCE, Opened
 
-from gapsense.cosim import run
+from gapsense.cosim import changed, run
 from gapsense.cosim.scenario.read import load
 from gapsense.page.page import write_page
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("zig")]
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = sorted(f.parent for f in ROOT.glob("scenarios/*/scenario.toml"))
-RUNNABLE = [folder for folder in SCENARIOS if not load(folder).events]
+WITH_EVENTS = [  # variants that have events
+    (folder, name)
+    for folder in SCENARIOS
+    for name in load(folder).variants
+    if any(event.enabled for event in load(folder, name).events.values())
+]
 LARGEST = 400_000  # bytes of a page
+STOPWATCH = """
+  window.times = { parts: 0 };
+  window.Worker = class extends Worker {
+    constructor(...of) {
+      super(...of);
+      this.addEventListener("message", ({ data }) => {  // before the page shows it
+        times.parts += Boolean(data.isPart);
+        const look = () => requestAnimationFrame(() => setTimeout(() => {  // when it is painted
+          if (!document.querySelector("#plots canvas")) return look();
+          times.drawn ??= performance.now();
+          if (!data.isPart) times.whole ??= performance.now();
+        }));
+        look();
+      });
+    }
+  };
+"""
 
 
 @pytest.fixture(scope="module")
@@ -44,11 +67,7 @@ def assert_equal(opened: Opened, result: Any) -> None:
     assert wrong == []
 
 
-def test_only_scenarios_with_events_are_no_pages():
-    assert {folder.name for folder in SCENARIOS} - {folder.name for folder in RUNNABLE} == {"run_to_run_day"}
-
-
-@pytest.mark.parametrize("folder", RUNNABLE, ids=lambda folder: folder.name)
+@pytest.mark.parametrize("folder", SCENARIOS, ids=lambda folder: folder.name)
 def test_page_has_the_bits_of_native_fmus_its_file_and_its_metrics(browser, tmp_path, fmus, natives, folder):
     pytest.importorskip("bokeh")
     file = write_page(folder, tmp_path / f"{folder.name}.html", fmus=fmus)
@@ -64,10 +83,88 @@ def test_page_has_the_bits_of_native_fmus_its_file_and_its_metrics(browser, tmp_
     assert opened.page.locator("tr.bad").count() == sum(not m.passed for m in result.metrics.values())
     milliseconds = opened.again(5)
     print(f"{folder.name}: {file.stat().st_size} bytes, {min(milliseconds):.1f} ms; native {1e3 * result.wall:.1f} ms")
+    assert opened.page.evaluate("gapsense.run.events") == spans(result)
     assert opened.complaints == [] and opened.problem() == ""
     assert all(url.startswith(("file:", "blob:", "data:")) for url in opened.fetched)
     assert file.stat().st_size < LARGEST
     opened.close()
+
+
+@pytest.mark.parametrize(("folder", "variant"), WITH_EVENTS, ids=lambda x: getattr(x, "name", x))
+def test_events_of_variants_have_the_bits_of_native_fmus(browser, tmp_path, fmus, natives, folder, variant):
+    pytest.importorskip("bokeh")
+    result = run(folder, variant, fmus=natives)
+    opened = Opened(browser, write_page(folder, tmp_path / "x.html", variant, fmus))
+    assert_equal(opened, result)
+    assert opened.page.evaluate("gapsense.run.events") == spans(result) != []
+    assert opened.page.locator("caption", has_text="Events, shaded in the plots").count() == 1
+    assert opened.complaints == [] and opened.problem() == ""
+    opened.close()
+
+
+def test_events_meet_the_values_of_sliders(browser, tmp_path, fmus):
+    event = '[events.hot]\ntarget = "valve.coil.resistance"\naction = "scale"\nvalue = 1.2\nover = 5e-3\nat = 9.95e-3\n'
+    opened = Opened(browser, write_page(with_text(tmp_path, event), tmp_path / "x.html", None, fmus))
+    opened.change(lambda: opened.type("valve.coil.resistance", "60"))
+    assert_equal(opened, run(changed(tmp_path, ["valve.coil.resistance=60"]), fmus=fmus))
+    opened.close()
+
+
+def test_failure_that_an_event_causes_names_it(browser, tmp_path, fmus):
+    less = '[events.less]\ntarget = "valve.coil.resistance"\naction = "bias"\nvalue = -40.0\nat = 9.95e-3\n'
+    lost = '[events.lost]\ntarget = "valve.voltage"\naction = "dropout"\n'
+    lost += 'when = { signal = "drive.voltage", above = 40.0 }\n'
+    opened = Opened(browser, write_page(with_text(tmp_path, less + lost), tmp_path / "x.html", None, fmus))
+    opened.type("valve.coil.resistance", "30")
+    opened.page.wait_for_selector("#problem:not([hidden])")
+    assert re.search(r"`coil.resistance`.*; event `less` sets `valve.coil.resistance` to -10\.$", opened.problem())
+    opened.change(lambda: opened.type("valve.coil.resistance", "70"))
+    opened.type("drive.square.amplitude", "50")
+    opened.page.wait_for_selector("#problem:not([hidden])")
+    assert "Event `lost` gives it NaN. If it does not accept NaN, use `stuck`." in opened.problem()
+    assert opened.complaints == []
+    opened.close()
+
+
+def test_first_run_is_shown_while_it_goes_on(browser, tmp_path, fmus):
+    file = write_page(ROOT / "scenarios" / "run_to_run_day", tmp_path / "day.html", fmus=fmus)
+    first = viewed(browser, file)
+    print(f"run_to_run_day: first curves after {first['drawn']:.0f} ms, all after {first['whole']:.0f} ms")
+    assert first["parts"] > 0 and first["drawn"] < first["whole"]
+
+
+def test_first_view_takes_less_than_a_second(browser, valve):
+    first = min((viewed(browser, valve) for _ in range(8)), key=lambda times: times["drawn"])
+    print(f"semera_valve: first curves after {first['drawn']:.0f} ms")
+    assert first["drawn"] < 1000.0
+
+
+def viewed(browser: Any, file: Path) -> dict[str, float]:
+    """Milliseconds from the call of a page until its first curves and its whole run are painted; parts before that."""
+    context = browser.new_context(offline=True)
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE)
+    page.add_init_script(STOPWATCH)
+    page.goto(file.as_uri())
+    page.wait_for_function("() => times.drawn && times.whole")
+    found: dict[str, float] = page.evaluate("times")
+    context.close()
+    return found
+
+
+def with_text(folder: Path, more: str) -> Path:
+    """`semera_valve` with more in its file."""
+    text = (ROOT / "scenarios" / "semera_valve" / "scenario.toml").read_text(encoding="utf-8")
+    text = text.replace('"parameters/', f'"{ROOT}/scenarios/semera_valve/parameters/')
+    (folder / "scenario.toml").write_text(f"{text}\n{more}", encoding="utf-8")
+    return folder
+
+
+def spans(result: Any) -> list[list[Any]]:
+    """Events of a run, in base steps."""
+    run = result.run
+    index = lambda time: None if time is None else round((time - run.start) / run.base_step)  # noqa: E731
+    return [[span.name, index(span.begin), index(span.end)] for span in result.events]
 
 
 def test_played_signals_and_variants_have_the_bits_of_a_run(browser, tmp_path, fmus):
@@ -97,8 +194,6 @@ def test_slider_changes_the_curves_and_reset_brings_them_back(one, fmus):
 
 def test_typed_value_gives_the_bits_of_a_run_with_it_and_goes_into_the_link(browser, valve, one, fmus):
     one.change(lambda: one.type("valve.coil.resistance", "79,05"))
-    from gapsense.cosim import changed
-
     result = run(changed(ROOT / "scenarios" / "semera_valve", ["valve.coil.resistance=79.05"]), fmus=fmus)
     assert_equal(one, result)
     link = one.page.url.partition("#")[2]

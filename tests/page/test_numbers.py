@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 from pathlib import Path
@@ -74,3 +75,29 @@ def test_metric_of_samples_is_that_of_a_run(page, kind):
 
 def test_every_kind_of_metric_is_measured(page):
     assert sorted(page.evaluate("Object.keys(MEASURES)")) == sorted(KINDS)
+
+
+TIMES = {"start": -0.5, "baseStep": 0.25, "count": 9, "decimation": 2}
+
+
+def test_part_of_a_run_is_nan_where_it_has_not_come(page):
+    plan = {**TIMES, "signals": [["a.x", "m"], ["a.y", "V"]]}
+    found = page.evaluate("([record, plan]) => columnsOf({ record, events: [] }, plan)", [[1.0, 2.0, 3.0, 4.0], plan])
+    assert found["times"] == [-0.5, 0.0, 0.5, 1.0, 1.5] and found["rows"] == 5
+    np.testing.assert_array_equal(found["signals"]["a.x"], [1.0, 3.0, *[math.nan] * 3])
+    np.testing.assert_array_equal(found["signals"]["a.y"], [2.0, 4.0, *[math.nan] * 3])
+
+
+@pytest.mark.parametrize(
+    ("metric", "window"),
+    [
+        ({}, [-math.inf, math.inf]),
+        ({"after": 0.1, "before": None}, [0.1, math.inf]),
+        ({"event": "bad", "after": 0.5}, [1.0, math.inf]),
+        ({"event": "bad", "before": 0.25}, [0.5, 0.75]),
+        ({"event": "other"}, [math.inf, math.inf]),
+    ],
+)
+def test_window_of_a_metric_counts_from_the_first_beginning_of_its_event(page, metric, window):
+    run = {"events": [["bad", 4, 5], ["bad", 7, None]]}
+    assert page.evaluate("([metric, run, plan]) => windowOf(metric, run, plan)", [metric, run, TIMES]) == window

@@ -6,6 +6,7 @@ import re
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import pytest
@@ -18,7 +19,7 @@ from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.read import load
 from gapsense.fmi.ports import Port
 from gapsense.page import module, plan
-from gapsense.page.content import CONTROLS, controls, scale
+from gapsense.page.content import CONTROLS, band, controls, scale
 from gapsense.page.page import packed, write_page
 from gapsense.vectors import engine
 
@@ -81,6 +82,13 @@ def test_choice_has_the_choices_of_its_parameter(fmus):
     assert list(law["choices"]) == ["contact", "model"] and "low" not in law and law["start"] == "contact"
 
 
+@pytest.mark.parametrize(("end", "is_variance"), [("_std", False), ("_variance", True)])
+def test_band_comes_from_the_deviation_or_variance_that_is_recorded_beside_a_signal(end, is_variance):
+    result = SimpleNamespace(signals={"ekf.position": (), f"ekf.position{end}": (), "ekf.velocity": ()})
+    assert band(result, "ekf.position") == {"signal": f"ekf.position{end}", "isVariance": is_variance, "sigmas": 2.0}
+    assert band(result, "ekf.velocity") is None
+
+
 @pytest.mark.parametrize(
     ("limits", "value", "ends"),
     [
@@ -119,7 +127,7 @@ def test_wires_steps_and_grid_are_in_c_and_values_are_not(valve):
     assert parts == [("1", "1", "0"), ("1", "1", "0"), *[("2", "3", "1")] * 4]
     assert text.count("&model_IntegralEstimator") == 2 and text.count("extern const Model model_") == 5
     assert ".base_step = 2.5e-05" in text and ".start = -0.00105" in text and "77.5" not in text
-    links = re.findall(r"static const Link links_\d\[\] = \{(.*?)\};", text)
+    links = re.findall(r"static Link links_\d\[\] = \{(.*?)\};", text)
     assert sum(len(re.findall(r"\{\d+, \d+, 0, 1\.0, 0\.0\}", own)) for own in links) == 11
     values = plan.values(valve, valve.taken())
     assert [own["name"] for own in values] == list(valve.order.names)
@@ -162,11 +170,6 @@ def test_scenario_with_fmus_of_others_is_refused_in_a_sentence(tmp_path, fmus, m
     with pytest.raises(ScenarioError, match=r"not from this version: `drive` \(DriveVoltage.fmu\).*gapsense build"):
         write_page(SCENARIOS / "semera_valve", tmp_path / "x.html", fmus=fmus)
     assert not (tmp_path / "x.html").exists()
-
-
-def test_scenario_with_events_is_refused_in_a_sentence(tmp_path, fmus):
-    with pytest.raises(ScenarioError, match=r"scenario.toml: a page has no events: `\w+`.*Choose a variant"):
-        write_page(SCENARIOS / "run_to_run_day", tmp_path / "x.html", fmus=fmus)
 
 
 def test_missing_compiler_is_told_with_what_to_install(tmp_path, fmus, monkeypatch):

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from gapsense.cli import app
 from gapsense.report.table import text
-from gapsense.scenarios.condition.cases import CASES, COURSE, DEMANDED, LONG, devices, document, times
+from gapsense.scenarios.condition import cases
+from gapsense.scenarios.condition.cases import CASES, COURSE, DEMANDED, LONG, Course, devices, document, times
 from gapsense.scenarios.condition.judge import NAMES, Alarms, Span, alarms, judged, said, shares, times_of
 from gapsense.scenarios.condition.show import alarm_sentence, cases_table, causes_figure
 
@@ -38,11 +43,27 @@ def test_faults_begin_at_rest_and_devices_differ() -> None:
 
 def test_table_and_figure_have_every_fault() -> None:
     found = {name: [[FINE, FINE._replace(cause="")]] for name in CASES}
-    shown = text(*cases_table(found), alarm_sentence(Alarms(12000, 1, 2)))
+    shown = text(*cases_table(found, COURSE), alarm_sentence(Alarms(12000, 1, 2)))
     assert all(name in shown for name in CASES) and "1 false alarms in 12000 operations" in shown
-    axis = causes_figure(found).axes[0]
+    axis = causes_figure(found, COURSE).axes[0]
     assert [label.get_text() for label in axis.get_yticklabels()] == [*CASES]
     assert {t.get_text() for t in axis.texts} == {"100"}
+
+
+def test_command_judges_two_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One fault for eight operations, and a short time without one."""
+    name = "spring 40 % weaker"
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(cases, "CASES", {name: CASES[name]})
+    monkeypatch.setattr(cases, "COURSE", Course(rests={}, spans=((74, 82),), operations=90))
+    monkeypatch.setattr(cases, "LONG", Course(rests={}, spans=(), operations=80))
+    words = ["study", "condition", "--devices", "2", "--healthy", "1", "--seed", "702", "--out", str(tmp_path)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    (row,) = [line.split() for line in done.output.splitlines() if name in line and "%" in line.split(name)[1]]
+    assert row[len(name.split()) :] == ["8", "100", "%", "2", "100", "%", "100", "%", "2"]
+    assert "0 false alarms in" in done.output and "0 were called worn" in done.output
+    assert (tmp_path / "condition.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ ROLES = {
     "drive": "`drive` is a `DriveVoltage`",
     "plant": "`plant` is one of the actuators",
     "sensor": "`sensor` is a `Sensor`",
+    "mhe": "`mhe` is an `Mhe`",
 }
 SAMPLED = """It samples every `sample_time`, {period:g} us if nothing else is set, from its start on. Its step, that is
 `step` times the base step of the scenario, must be a whole multiple or a whole fraction of that. In a shorter step

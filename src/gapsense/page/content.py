@@ -15,7 +15,7 @@ from gapsense.fmi.ports import Port
 from gapsense.page import plan
 from gapsense.page.module import parts
 from gapsense.report.html import figures, run, style
-from gapsense.report.html.curves import Curve, Panel
+from gapsense.report.html.curves import SIGMAS, VARIANCE, Curve, Panel, deviation
 from gapsense.report.html.figures import Entry
 from gapsense.report.html.subject import Shown
 from gapsense.report.table import PREFIXES, UNPREFIXED, prefixed
@@ -40,6 +40,7 @@ def content(subject: Subject, result: Result) -> dict[str, Any]:
         ],
         "files": plan.files(subject),
         "inputs": plan.inputs(subject),
+        "events": [*plan.events(subject)],
         "signals": [[name, about.unit] for name, about in subject.about.items()],
         "constants": dict(constants(subject)),
         "panels": [*panels(scenario, result)],
@@ -69,7 +70,10 @@ def panels(scenario: Scenario, result: Result) -> Iterator[dict[str, Any]]:
     axes = figures.shared(shown, style.colours(result.run.order), 0)
     for of in sorted(run.panels(shown), key=lambda of: place_of(of, scenario)):
         entries = figures.entries(of, axes, "")
-        curves = [drawn(curve, entry, of.is_error, pairs.get(curve.name)) for curve, entry in zip(of.curves, entries)]
+        curves = [
+            drawn(curve, entry, of.is_error, pairs.get(curve.name), band(result, curve.name))
+            for curve, entry in zip(of.curves, entries)
+        ]
         yield {"title": of.title, "unit": of.unit, "note": of.note, "isError": of.is_error, "curves": curves}
     for strip in run.strips(shown):
         colour = style.colour(axes.numbers[strip.name.partition(".")[0]])
@@ -84,7 +88,9 @@ def place_of(panel: Panel, scenario: Scenario) -> int:
     return 1 if panel.is_error or any(curve.is_truth for curve in panel.curves) else 2
 
 
-def drawn(curve: Curve, entry: Entry, is_error: bool, pair: Metric | None) -> dict[str, Any]:
+def drawn(
+    curve: Curve, entry: Entry, is_error: bool, pair: Metric | None, band: Mapping[str, Any] | None
+) -> dict[str, Any]:
     """A curve: a signal, or what it differs by from its reference; one that is published later is about other times."""
     is_of_samples = pair is not None and (is_error or not curve.is_held)
     keys = {key: getattr(pair, key) for key in ("time", "where")} if is_of_samples else {}
@@ -93,9 +99,16 @@ def drawn(curve: Curve, entry: Entry, is_error: bool, pair: Metric | None) -> di
         "colour": property_of(entry.colour),
         "dash": entry.dash,
         "isTruth": curve.is_truth,
+        **({"band": band} if band else {}),
         **keys,
         **({"reference": pair.reference} if is_error and pair else {}),
     }
+
+
+def band(result: Result, name: str) -> dict[str, Any] | None:
+    """What the band of a signal comes from, where it has one."""
+    signal = deviation(result, name)
+    return {"signal": signal, "isVariance": signal.endswith(VARIANCE), "sigmas": SIGMAS} if signal else None
 
 
 def property_of(colour: str) -> str:
@@ -106,7 +119,7 @@ def property_of(colour: str) -> str:
 def metric(of: Metric, result: Result) -> dict[str, Any]:
     """A metric, as the scripts measure it."""
     bounds = of.bounds and [bound if math.isfinite(bound) else None for bound in of.bounds]
-    keys = ("name", "kind", "signal", "reference", "after", "before", "where", "time", "published", "table")
+    keys = ("name", "kind", "signal", "reference", "after", "before", "event", "where", "time", "published", "table")
     return {
         **{key: getattr(of, key) for key in keys},
         "label": of.label,

@@ -1,23 +1,34 @@
 // Metrics of a run: which samples each looks at, and its number. As result.py and metrics.py.
 "use strict";
 
-// Signals by name over their times, of a record row by row.
-function columnsOf({ record, rows, constants, milliseconds }, plan) {
+// Signals by name over all times of the run, of a record row by row: NaN where it has not come yet.
+function columnsOf({ record, ...more }, plan) {
   const width = plan.signals.length;
-  const times = Float64Array.from({ length: rows }, (_, k) => plan.start + k * plan.decimation * plan.baseStep);
-  const column = (place) => Float64Array.from({ length: rows }, (_, k) => record[k * width + place]);
+  const rows = Math.floor(plan.count / plan.decimation) + 1;
+  const times = new Float64Array(rows).map((_, k) => plan.start + k * plan.decimation * plan.baseStep);
+  const column = (place) => times.map((_, k) => record[k * width + place]);
   const signals = Object.fromEntries(plan.signals.map(([name], place) => [name, column(place)]));
-  return { rows, times, signals, constants, milliseconds };
+  return { ...more, rows, times, signals };
 }
 
 const componentOf = (signal, plan) => plan.components.find(({ name }) => name === signal.split(".", 1)[0]);
 
+// Between which times the samples of a metric lie; between none if it counts from an event that did not happen.
+function windowOf({ event, after, before }, run, plan) {
+  if (!event) return [after ?? -Infinity, before ?? Infinity];
+  const found = run.events.find(([name]) => name === event);
+  const begin = found ? plan.start + found[1] * plan.baseStep : Infinity;
+  return [begin + (after ?? 0), before == null ? Infinity : begin + before];
+}
+
 // Rows at which the component of a signal has just stepped, inside of a window, and the times that they are about.
-function samplesOf({ signal, where, time, after, before }, run, plan) {
+function samplesOf(metric, run, plan) {
+  const { signal, where, time } = metric;
+  const [after, before] = windowOf(metric, run, plan);
   const { step, offset } = componentOf(signal, plan);
   const slack = 1e-9 * plan.baseStep;
-  const low = (after ?? -Infinity) + slack;
-  const high = (before ?? Infinity) - slack;
+  const low = after + slack;
+  const high = before - slack;
   const found = { rows: [], times: [] };
   for (let row = 0; row < run.rows; row++) {
     const since = row * plan.decimation - offset;
@@ -81,7 +92,8 @@ function measure(metric, run, plan) {
   const signal = samples.rows.map((row) => run.signals[metric.signal][row]);
   const references = referencesOf(metric, samples, run, plan);
   if (metric.isAxis) return MEASURES[metric.kind](signal, references);
-  const since = samples.times.map((time) => time - (metric.after ?? plan.start));
+  const [after] = windowOf(metric, run, plan);
+  const since = samples.times.map((time) => time - (after === -Infinity ? plan.start : after));
   return MEASURES[metric.kind](signal.map((value, k) => value - references[k]), since);
 }
 

@@ -9,21 +9,17 @@
     return element;
   };
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  let last; // run that is shown
+  let last; // run, to its end
+  let shown; // run, perhaps as far as it has come
   const STEPS = 200; // of a slider
 
   // --- runs: one at a time, and then the newest that was asked for ---
 
-  let isRunning = false;
+  let isRunning = true; // until the first one has ended
   let isWanted = false;
   const worker = new Worker(URL.createObjectURL(new Blob([at("worker").textContent], { type: "text/javascript" })));
+  worker.postMessage({ plan, module: at("module").textContent.trim() }); // which it compiles while the page is made
 
-  async function begin() {
-    const packed = Uint8Array.from(atob(at("module").textContent.trim()), (letter) => letter.charCodeAt(0));
-    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
-    isRunning = true;
-    worker.postMessage({ plan, module: await new Response(stream).arrayBuffer(), values: given() });
-  }
   function run() {
     if (controls.some((control) => control.problem)) return tell(controls.map(({ problem }) => problem).join(" "));
     if (isRunning) return void (isWanted = true);
@@ -31,6 +27,7 @@
     worker.postMessage({ values: given() });
   }
   worker.onmessage = ({ data }) => {
+    if (data.isPart) return draw(columnsOf(data, plan));
     isRunning = false;
     if (data.refused) tell(data.refused);
     else show(columnsOf(data, plan));
@@ -98,7 +95,7 @@
       range.ariaValueText = `${field.value} ${unit}`;
     };
     const write = (value) => {
-      field.value = shifted(value, -exponent);
+      field.value = Number(shifted(value, -exponent).toPrecision(6)); // the run has all digits
       place(value);
     };
     range.oninput = () => {
@@ -163,22 +160,26 @@
 
   // --- plots ---
 
-  const HEIGHTS = { strip: 64, error: 150, other: 210 };
   const MOST_STEPS = 3000; // rows of a curve that is drawn as steps; of more nobody sees them
   const FONT = "12px system-ui, sans-serif";
   let plots = [];
 
-  function panelOf(panel, isFirst) {
+  const WHOLE = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 10000, 100000, 1e6, 1e9]; // between two marks of a strip
+  const aroundSteps = (_, low, high) => [(low ?? 0) - 0.3, (high ?? 0) + 0.3 + (low === high)];
+  const aroundCurves = (plot, low, high) => (low === high ? aroundSteps(plot, low, high) : uPlot.rangeNum(low, high, 0.1, true));
+  const paler = (of) => `color-mix(in srgb, ${of} 16%, transparent)`;
+  const heightOf = ({ isStrip, isError }) => (isStrip ? 64 : isError ? 150 : 210);
+  function panelOf(panel) {
     const head = made("b", {}, panel.title);
     const chips = made("div", { className: "chips" });
     const place = made("div", { className: "plot" });
+    place.style.height = `${heightOf(panel)}px`;
     const figure = made("figure", { className: "panel" }, made("figcaption", { hidden: panel.isStrip }, head, " ", made("small", {}, panel.note)), chips, place);
     at("plots").append(figure);
-    const own = { panel, head, place, values: [] };
+    place.setAttribute("role", "img");
+    place.setAttribute("aria-label", `${panel.title}: ${panel.curves.map(({ name }) => name).join(", ")}`);
+    const own = { panel, figure, head, place, values: [], hidden: new Set() };
     panel.curves.forEach((curve, k) => chips.append(chipOf(own, curve, k)));
-    own.plot = new uPlot(optionsOf(own, isFirst), [[], ...panel.curves.map(() => [])], place);
-    own.plot.root.setAttribute("role", "img");
-    own.plot.root.setAttribute("aria-label", `${panel.title}: ${panel.curves.map(({ name }) => name).join(", ")}`);
     return own;
   }
   function chipOf(own, curve, k) {
@@ -189,83 +190,133 @@
     chip.onclick = () => {
       const isShown = chip.ariaPressed !== "true";
       chip.ariaPressed = String(isShown);
-      own.plot.setSeries(k + 1, { show: isShown });
+      own.hidden[isShown ? "delete" : "add"](k);
+      own.plot?.series.forEach(({ of }, place) => of === k && own.plot.setSeries(place, { show: isShown }));
     };
     own.values.push(output);
     return chip;
   }
-  function optionsOf(own, isFirst) {
+  function optionsOf(own) {
     const { panel, place } = own;
-    const axis = (size) => ({
+    const axis = (size, space) => ({
       stroke: () => colour("--text"), grid: { stroke: () => colour("--c-d9dee4"), width: 1 },
-      ticks: { stroke: () => colour("--c-d9dee4"), width: 1 }, font: FONT, size,
+      ticks: { stroke: () => colour("--c-d9dee4"), width: 1 }, font: FONT, size, space, values: (_, ticks) => ticks.map((tick) => fourDigits(Number(tick.toPrecision(4)))),
     });
+    const isSeen = (k) => !own.hidden.has(k);
     const rows = plan.count / plan.decimation;
     const paths = rows > MOST_STEPS || panel.isError ? uPlot.paths.linear() : uPlot.paths.stepped({ align: 1 });
     const truth = rows > MOST_STEPS ? 2 : 4;
     const thinner = (k) => 1.2 + 1.2 * (1 - (k + 1) / panel.curves.length); // so that curves that coincide are all seen
-    const series = panel.curves.map(({ name, colour: own, dash, isTruth, time }, k) => ({
-      label: name, stroke: () => colour(own), dash, width: isTruth ? truth : thinner(k), points: { show: false },
-      paths: time ? uPlot.paths.linear() : paths, spanGaps: true,
+    const series = panel.curves.map(({ name, colour: stroke, dash, isTruth, time }, k) => ({
+      of: k, label: name, stroke: () => colour(stroke), dash, width: isTruth ? truth : thinner(k), points: { show: false },
+      paths: time ? uPlot.paths.linear() : paths, spanGaps: true, show: isSeen(k),
     }));
+    const bands = panel.curves.flatMap(({ band, colour: fill, time }, k) => {
+      const end = { of: k, auto: false, width: 0, points: { show: false }, paths: time ? uPlot.paths.linear() : paths, spanGaps: true, show: isSeen(k) };
+      return band ? [{ ...end, fill }, { ...end, fill }] : [];
+    });
+    const pairs = bands.flatMap(({ fill }, k) =>
+      k % 2 ? [] : [{ series: [1 + series.length + k, 2 + series.length + k], fill: () => paler(colour(fill)) }]);
     return {
-      width: place.clientWidth, height: HEIGHTS[panel.isStrip ? "strip" : panel.isError ? "error" : "other"],
+      width: place.clientWidth, height: heightOf(panel),
       legend: { show: false }, cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
-      scales: { x: { time: false } }, axes: [{ ...axis(28), show: !panel.isStrip }, axis(64)], series: [{}, ...series],
-      hooks: { setCursor: [(plot) => follow(own, plot.cursor.idx)], setScale: [zoomed], draw: [hideWhatComes] },
+      padding: [8, 16, 0, 0], scales: { x: { time: false }, y: { range: panel.isStrip ? aroundSteps : aroundCurves } },
+      axes: [{ ...axis(28, 50), show: !panel.isStrip }, { ...axis(64, panel.isStrip ? 14 : 24), ...(panel.isStrip && { incrs: WHOLE }) }],
+      series: [{}, ...series, ...bands.map((end) => ({ ...end, fill: undefined }))], bands: pairs,
+      hooks: { setCursor: [(plot) => follow(own, plot.cursor.idx)], setScale: [zoomed], drawClear: [shade], draw: [hideWhatComes] },
     };
   }
   // All plots show one piece of time; a double click shows all of it again.
-  let isZooming = false;
+  let zoom; // ends of that piece, if it is not all
   function zoomed(plot, key) {
-    if (key !== "x" || isZooming || !last) return;
-    isZooming = true;
     const { min, max } = plot.scales.x;
-    for (const { plot: other } of plots) if (other !== plot) other.setScale("x", { min, max });
-    isZooming = false;
+    if (key !== "x") return;
+    zoom = min > shown.scaledTimes[0] || max < shown.scaledTimes.at(-1) ? { min, max } : undefined;
+    for (const { plot: other } of plots)
+      if (other && (other.scales.x.min !== min || other.scales.x.max !== max)) other.setScale("x", { min, max });
   }
   function follow(own, row) {
     own.values.forEach((output, k) => {
-      const value = row == null ? null : own.plot.data[k + 1][row];
+      const value = row == null ? null : own.plot?.data[k + 1][row];
       output.textContent = value == null ? "" : fourDigits(value);
     });
   }
 
-  // Values of a curve at the rows; between those that it has nothing is known.
-  function valuesOf(curve, panel, run) {
-    if (!panel.isError && !curve.time) return run.signals[curve.name] || run.times.map(() => run.constants[curve.name]);
-    const samples = samplesOf({ ...curve, signal: curve.name }, run, plan);
-    const references = referencesOf(curve, samples, run, plan);
-    const values = new Array(run.rows).fill(null);
+  // Values of a curve at the rows, and the ends of its band if it has one; between those that it has nothing is known.
+  function linesOf(curve, panel, run) {
+    if (!panel.isError && !curve.time && !curve.band) return [run.signals[curve.name] || run.times.map(() => run.constants[curve.name])];
+    const isOfSamples = panel.isError || curve.time;
+    const samples = isOfSamples ? samplesOf({ ...curve, signal: curve.name }, run, plan) : { rows: run.times.map((_, k) => k) };
+    const references = isOfSamples ? referencesOf(curve, samples, run, plan) : [];
+    const lines = Array.from({ length: curve.band ? 3 : 1 }, () => new Array(run.rows).fill(null));
     samples.rows.forEach((row, k) => {
       const place = curve.time ? rowAt(samples.times[k], run, plan) : row;
-      const value = run.signals[curve.name][row] - references[k];
-      if (place !== undefined && Number.isFinite(value)) values[place] = value;
+      const value = run.signals[curve.name][row] - (references[k] ?? 0);
+      if (place === undefined || !Number.isFinite(value)) return;
+      lines[0][place] = value;
+      if (!curve.band) return;
+      const spread = Math.max(0, run.signals[curve.band.signal][row]);
+      const half = curve.band.sigmas * (curve.band.isVariance ? Math.sqrt(spread) : spread);
+      [lines[1][place], lines[2][place]] = [1, -1].map((sign) => (panel.isError ? 0 : value) + sign * half);
     });
-    return values;
+    return lines;
   }
-  const largest = (columns) => columns.reduce((most, one) => one.reduce((m, x) => Math.max(m, Math.abs(x ?? 0)), most), 0);
-  const scaled = (values, factor) => Array.from(values, (x) => (x === null ? null : x / factor));
+  const largest = (columns) => columns.reduce((most, one) => one.reduce((m, x) => Math.max(m, Math.abs(x) || 0), most), 0);
+  const scaled = (values, factor) => Array.from(values, (x) => (x === null || Number.isNaN(x) ? null : x / factor));
+  const [second, secondUnit] = prefixed(Math.max(Math.abs(plan.start), Math.abs(plan.start + plan.count * plan.baseStep)), "s", plan);
+  at("axis").textContent = `over time / ${secondUnit}`;
 
   function draw(run) {
-    const [second, unit] = prefixed(largest([run.times]), "s", plan);
-    const times = scaled(run.times, second);
-    at("axis").textContent = `over time / ${unit}`;
-    for (const { panel, plot, head } of plots) {
-      const columns = panel.curves.map((curve) => valuesOf(curve, panel, run));
-      const isPlain = panel.unit === "" || panel.unit === "1";
-      const [factor, shown] = isPlain ? [1, ""] : prefixed(largest(columns), panel.unit, plan);
-      head.textContent = panel.title + (shown && ` / ${shown}`);
-      isZooming = true;
-      plot.setData([times, ...columns.map((values) => scaled(values, factor))]);
-      isZooming = false;
-    }
+    shown = run;
+    shown.scaledTimes = scaled(run.times, second);
+    for (const own of plots) if (own.isSeen) refresh(own);
   }
+  // Draw a panel if it does not show the newest run; one that nobody sees waits until somebody does.
+  function refresh(own) {
+    if (!shown || own.drawn === shown) return;
+    const { panel } = own;
+    const lines = panel.curves.map((curve) => linesOf(curve, panel, shown));
+    const columns = lines.map(([values]) => values);
+    const isPlain = panel.unit === "" || panel.unit === "1";
+    const [factor, unit] = isPlain ? [1, ""] : prefixed(largest(columns), panel.unit, plan);
+    own.head.textContent = panel.title + (unit && ` / ${unit}`);
+    const bands = lines.flatMap(([, ...ends]) => ends);
+    const data = [shown.scaledTimes, ...[...columns, ...bands].map((values) => scaled(values, factor))];
+    if (own.plot) own.plot.setData(data);
+    else own.plot = new uPlot(optionsOf(own), data, own.place);
+    if (zoom) own.plot.setScale("x", zoom);
+    own.drawn = shown;
+  }
+  const NEAR = "200px"; // around the window: is drawn too
+  const watcher = new IntersectionObserver((entries) => {
+    for (const { target, isIntersecting } of entries) {
+      const own = plots.find(({ figure }) => figure === target);
+      own.isSeen = isIntersecting;
+      if (isIntersecting) refresh(own);
+    }
+  }, { rootMargin: NEAR });
+  onbeforeprint = () => plots.forEach(refresh);
+
+  // Events are shaded; one that lasts has its end where the plot has.
+  function shade(plot) {
+    const { left, top, width, height } = plot.bbox;
+    const within = (place) => Math.min(left + width, Math.max(left, place));
+    plot.ctx.save();
+    plot.ctx.globalAlpha = 0.15;
+    plot.ctx.fillStyle = colour("--c-8f6a00");
+    for (const [, begin, end] of shown.events) {
+      const [from, to] = [begin, end ?? plan.count].map((k) => within(plot.valToPos(timeOf(k) / second, "x", true)));
+      plot.ctx.fillRect(from, top, Math.max(to - from, to > left && from < left + width ? 1 : 0), height);
+    }
+    plot.ctx.restore();
+  }
+  const timeOf = (k) => plan.start + k * plan.baseStep;
 
   // --- play: the curves of the run that is shown come one moment after the other ---
 
   const SHOWN_IN = 8000; // milliseconds
   let shownUntil = Infinity; // place on the time axis
+  const redraw = () => plots.forEach(({ plot }) => plot?.redraw(false));
   function hideWhatComes(plot) {
     const { left, top, width, height } = plot.bbox;
     const from = Math.max(left, plot.valToPos(shownUntil, "x", true));
@@ -276,12 +327,12 @@
   at("play").onclick = () => {
     const begun = performance.now();
     const isPlaying = shownUntil < Infinity;
-    const times = plots[0].plot.data[0];
+    const times = shown.scaledTimes;
     const next = (now) => {
       const part = (now - begun) / SHOWN_IN;
       shownUntil = part < 1 && shownUntil !== null ? times[0] + Math.max(0, part) * (times.at(-1) - times[0]) : Infinity;
       at("play").textContent = shownUntil < Infinity ? "■ Stop" : "▶ Play";
-      for (const { plot } of plots) plot.redraw(false);
+      redraw();
       if (shownUntil < Infinity) requestAnimationFrame(next);
     };
     if (isPlaying) shownUntil = null;
@@ -302,13 +353,23 @@
   function table(run) {
     const tables = new Map();
     for (const metric of plan.metrics) tables.set(metric.table, [...(tables.get(metric.table) || []), metric]);
-    at("metrics").replaceChildren(...[...tables].map(([title, metrics]) => tableOf(title || "Metrics", metrics, run)));
+    const events = plan.events.length ? [eventsOf(run)] : [];
+    at("metrics").replaceChildren(...[...tables].map(([title, metrics]) => tableOf(title || "Metrics", metrics, run)), ...events);
+  }
+  const row = (tag, cells, className = "", texts = 1) =>
+    made("tr", { className }, ...cells.map((cell, k) => made(k ? tag : "th", { className: k < texts ? "" : "number" }, cell)));
+  const tableIn = (title, head, rows) =>
+    made("div", { className: "wide", tabIndex: 0, role: "group", ariaLabel: title },
+      made("table", {}, made("caption", {}, title), made("thead", {}, head), made("tbody", {}, ...rows)));
+  function eventsOf(run) {
+    const at = (k) => quantity(timeOf(k ?? plan.count), "s", plan);
+    const rows = run.events.map(([name, begin, end]) =>
+      row("td", [name, plan.events.find((of) => of.name === name).what, at(begin), at(end)], "", 2));
+    return tableIn("Events, shaded in the plots", row("th", ["event", "what it does", "begin", "end"], "", 2), rows);
   }
   function tableOf(title, metrics, run) {
     const isPublished = metrics.some(({ published }) => published !== null);
     const heads = ["metric", ...(isPublished ? ["published"] : []), "this run", "bounds"];
-    const row = (tag, cells, className = "") =>
-      made("tr", { className }, ...cells.map((cell, k) => made(k ? tag : "th", { className: k ? "number" : "" }, cell)));
     const rows = metrics.map((metric) => {
       const value = measure(metric, run, plan);
       const shown = (x) => (x === null ? "" : quantity(x, metric.unit, plan));
@@ -317,16 +378,16 @@
       const cells = [metric.label, ...(isPublished ? [shown(metric.published)] : []), shown(value), metric.bounds ? bounds : ""];
       return row("td", cells, isInside(value, metric.bounds) ? "" : "bad");
     });
-    const whole = made("table", {}, made("caption", {}, title), made("thead", {}, row("th", heads)), made("tbody", {}, ...rows));
-    return made("div", { className: "wide", tabIndex: 0, role: "group", ariaLabel: title }, whole);
+    return tableIn(title, row("th", heads), rows);
   }
 
-  matchMedia("(prefers-color-scheme: dark)").onchange = () => plots.forEach(({ plot }) => plot.redraw(false));
+  matchMedia("(prefers-color-scheme: dark)").onchange = redraw;
   plots = plan.panels.map(panelOf);
   new ResizeObserver(() => {
-    for (const { plot, place } of plots) if (place.clientWidth) plot.setSize({ width: place.clientWidth, height: plot.height });
+    for (const { plot, place } of plots) if (plot && place.clientWidth) plot.setSize({ width: place.clientWidth, height: plot.height });
   }).observe(at("plots"));
+  plots.forEach(({ figure }) => watcher.observe(figure));
   takeFromLink();
-  begin();
+  worker.postMessage({ values: given(), isFirst: true });
   window.gapsense = { plan, get run() { return last; } }; // for whoever looks closer, a test for instance
 })();

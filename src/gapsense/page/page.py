@@ -14,7 +14,7 @@ from gapsense.cosim.run.run import run
 from gapsense.cosim.scenario.read import Source
 from gapsense.page import plan
 from gapsense.page.module import module, refuse_without_zig
-from gapsense.problems import InputError, ScenarioError, listing
+from gapsense.problems import InputError, ScenarioError
 from gapsense.report.html import page as report
 from gapsense.report.html import style
 from gapsense.vectors.engine import is_ours
@@ -24,6 +24,7 @@ HERE = "gapsense.page"
 POLICY = f"{report.POLICY}; worker-src blob:"
 MAY_COMPILE = "'wasm-unsafe-eval'"
 MISSING = report.MISSING.replace("Reports are drawn", "The panels of a page are chosen as in reports, which are drawn")
+MOST_NOISE = 10_000  # numbers of events, of 11 bytes each
 UPLOT = "uPlot 1.6.32"
 
 
@@ -85,7 +86,7 @@ def page(scenario: Source, variant: str | None = None, fmus: str | Path | None =
             style=Markup("\n".join([*styles, report.read("page.css", HERE)])),
             plan=content(subject, result),
             module=packed(compiled),
-            worker=Markup(report.closed(report.read("worker.js", HERE))),
+            worker=Markup("\n".join(report.closed(report.read(name, HERE)) for name in ("events.js", "worker.js"))),
             scripts=[*map(Markup, scripts)],
             version=__version__,
             uplot=UPLOT,
@@ -101,10 +102,10 @@ def refuse_unfit(subject: Subject) -> None:
     if foreign:
         found = f"these FMUs are not from this version: {', '.join(foreign)}"
         problems.append(f"{found}. A page is compiled of Gapsense's own components; build them with `gapsense build`.")
-    if scenario.events:
-        problems.append(
-            f"a page has no events: {listing([*scenario.events])}. Choose a variant that disables them all."
-        )
+    hissing = sum(len(plan.noisy(actor, scenario.experiment)) for actor in plan.actors(subject).values())
+    if hissing > MOST_NOISE:
+        found = f"its events have noise for {hissing} base steps, each with a number in the page, {MOST_NOISE} at most"
+        problems.append(f"{found}. End them earlier with `until`, or choose a variant without them.")
     if problems:
         raise ScenarioError([f"{scenario.path.name}: {problem}" for problem in problems])
 

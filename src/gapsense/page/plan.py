@@ -5,13 +5,15 @@ No number is in both, and no text about ports is written here: it comes from whe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gapsense.cosim.run.events import NEVER, Actor, noise, watch
 from gapsense.cosim.run.part import Layout, constants, first_exchange, first_turn, player
 from gapsense.cosim.run.recording import Subject, Take, shape
-from gapsense.cosim.scenario.records import Component, Port, ports, texts
+from gapsense.cosim.scenario.records import Component, Event, Experiment, Port, Watch, ports, resolved, texts
 from gapsense.fmi.native.headers import literal
 from gapsense.page.module import SYMBOLS, parts
 from gapsense.tables import Value
@@ -38,6 +40,7 @@ static Loop plan = {{
     .parts = parts, .part_count = {count}, .buffer = buffer, .start = {start!r}, .base_step = {base_step!r},
     .is_jacobi = {is_jacobi}, .decimation = {decimation}, .columns = columns, .column_count = {columns}, .data = data,
     .places = places, .place_count = {places}, .played = played, .marks = marks, .patience = INFINITY,
+    .watches = watches, .watch_count = {watches},
 }};
 """
 
@@ -45,7 +48,7 @@ static Loop plan = {{
 def header(subject: Subject) -> str:
     """Text of plan.h."""
     scenario, experiment = subject.scenario, subject.scenario.experiment
-    layout = Layout(ports(subject.descriptions), texts(subject.descriptions))
+    layout, acting = layout_of(subject), actors(subject)
     rows = player(scenario.played, layout.inlets, experiment)
     components = [scenario.components[name] for name in subject.order.names]
     lines = [wires(subject, layout, component, k) for k, component in enumerate(components)]
@@ -55,6 +58,8 @@ def header(subject: Subject) -> str:
         array("int64_t", "columns", subject.columns),
         array("int64_t", "places", [layout.inlets[port] for port in scenario.played]),
         array("double", "played", played),
+        array("double", "noise", noises(acting, experiment)),
+        array("Watch", "watches", [condition(actor.watch) for actor in acting.values() if actor.watch]),
     )
     count, width = shape(scenario, subject.columns)
     return PLAN.format(
@@ -73,7 +78,15 @@ def header(subject: Subject) -> str:
         decimation=scenario.record.decimation,
         columns=width,
         places=len(scenario.played),
+        watches=sum(actor.watch is not None for actor in acting.values()),
     )
+
+
+def layout_of(subject: Subject) -> Layout:
+    """Places in the buffer."""
+    events = {name: event for name, event in subject.scenario.events.items() if event.enabled}
+    own = resolved(events, subject.scenario.connections)
+    return Layout(ports(subject.descriptions), texts(subject.descriptions), own)
 
 
 def at(rows: Any, k: int) -> list[float]:
@@ -121,7 +134,9 @@ def wires(subject: Subject, layout: Layout, component: Component, k: int) -> Wir
         f"{{{target}, {source}, {int(c.converts)}, {1.0 if c.factor is None else c.factor!r}, {c.bias or 0.0!r}}}"
         for (target, source), c in zip(ends, found)
     ]
-    is_fed = bool(own) or any(port.component == component.name for port in scenario.played)
+    is_fed = bool(links) or any(port.component == component.name for port in scenario.played)
+    for slot in layout.slots_of(component.name).values():
+        links.append(f"{{{slot.after}, {slot.before}, 0, 1.0, 0.0}}")
     inputs, outputs = (layout.of(component.name, causality) for causality in ("input", "output"))
     references = [layout.variables[port].reference for port in (*inputs, *outputs)]
     part = PART.format(
@@ -146,9 +161,9 @@ def exchange(function: str, k: int, first: int, moved: Sequence[Port], layout: L
 
 
 def array(kind: str, name: str, items: Sequence[Any]) -> str:
-    """A constant array, which is never empty."""
+    """An array, which is never empty."""
     text = ", ".join(item if isinstance(item, str) else repr(item) for item in items)
-    return f"static const {kind} {name}[] = {{{text or '0'}}};"
+    return f"static {kind} {name}[] = {{{text or '0'}}};"
 
 
 def listed(items: Iterable[str]) -> str:
@@ -197,6 +212,90 @@ def files(subject: Subject) -> Mapping[str, str]:
 
 def inputs(subject: Subject) -> list[list[float]]:
     """Places of inputs that have one value, and these."""
-    layout = Layout(ports(subject.descriptions))
+    inlets = layout_of(subject).inlets
     given = constants(subject.scenario, subject.descriptions, {})
-    return [[layout.inlets[port], float(value)] for port, value in given.items()]
+    return [[inlets[port], float(value)] for port, value in given.items()]
+
+
+# Events: what is known before a run, counted in base steps, is that of the runner; the rest is in events.js.
+
+
+def actors(subject: Subject) -> dict[str, Actor]:
+    """The events, with one target each."""
+    layout, seeds, scenario = layout_of(subject), subject.taken().seeds, subject.scenario
+    return {
+        name: Actor(
+            replace(event, value=value_of(event, subject)),
+            scenario.experiment,
+            scenario.components[event.target.component],
+            int(name in layout.slots),
+            watch(event, layout),
+            seeds.get(event.seed_name, event.seed),
+        )
+        for name, event in layout.events.items()
+    }
+
+
+def value_of(event: Event, subject: Subject) -> Value | None:
+    """The value of an event, as FMI takes it."""
+    variable = subject.descriptions[event.target.component].variables[event.target.variable]
+    return None if event.value is None else variable.number(event.value)
+
+
+def noises(acting: Mapping[str, Actor], experiment: Experiment) -> list[float]:
+    """Numbers of events that are noise, one after the other."""
+    return [noise(of.event.name, of.seed, k) for of in acting.values() for k in noisy(of, experiment)]
+
+
+def noisy(actor: Actor, experiment: Experiment) -> range:
+    """Base steps at which an event may need a random number."""
+    if not actor.event.is_random:
+        return range(0)
+    begin = actor.after if actor.watch else actor.track.begin or 0
+    return range(begin, min(actor.track.end or NEVER, experiment.count + 1))
+
+
+def condition(of: Watch) -> str:
+    """A condition, as loop.c has it."""
+    return f"{{{of.place}, {int(of.is_above)}, 0, 0, {of.level!r}}}"
+
+
+def events(subject: Subject) -> Iterator[dict[str, Any]]:
+    """Events, as events.js has them."""
+    layout, known, experiment = layout_of(subject), actors(subject), subject.scenario.experiment
+    first = {actor.event.name: key for key, actor in reversed([*known.items()])}
+    watched = [name for name, actor in known.items() if actor.watch]
+    room = 0  # of noise
+    for name, actor in known.items():
+        event, component = actor.event, actor.event.target.component
+        variable = subject.descriptions[component].variables[event.target.variable]
+        keys = {key: getattr(actor, key) for key in ("lead", "step", "offset", "first", "over", "duration", "lasting")}
+        yield {
+            **keys,
+            "name": event.name,
+            "tells": first[event.name] == name,
+            "what": f"{event.action} {subject.scenario.events[event.name].target}",
+            "target": str(event.target),
+            "part": subject.order.names.index(component),
+            "reference": variable.reference,
+            "kind": KINDS.index(variable.type),
+            "action": event.action,
+            "value": event.value,
+            "begin": actor.track.begin,
+            "end": actor.track.end,
+            "watch": watched.index(name) if actor.watch else None,
+            "after": actor.after,
+            "again": bool(event.when and event.when.again),
+            "noise": room - noisy(actor, experiment).start,
+            **stage(name, layout, subject),
+        }
+        room += len(noisy(actor, experiment))
+
+
+def stage(name: str, layout: Layout, subject: Subject) -> dict[str, int]:
+    """Where an event on an input acts: its link, which is behind those of connections, and its places in the buffer."""
+    if name not in layout.slots:
+        return {}
+    component, slot = layout.events[name].target.component, layout.slots[name]
+    plain = sum(connection.target.component == component for connection in subject.scenario.connections)
+    return {"link": plain + [*layout.slots_of(component)].index(name), "before": slot.before, "held": slot.held}

@@ -46,6 +46,8 @@ WANDER = 6.0  # reported deviations by which what is learnt of a healthy device 
 LEAST = 1e-12  # of a size, a value or a deviation that is divided by
 UNKNOWN = 1.0  # density of directions that are in no table
 BACK = 0.065  # share of R, and of a current, within which it is what it was before a fault
+SAME = 1.0  # usual wanderings within which learnt values are what they were before a fault
+DEAD = 0.1  # share of what `Mhe` expected in a closing, below which there was no current
 TOLD = 0.5  # evidence with which a cause is given
 QUICK, SLOW = 1.0 / 50.0, 1.0 / 500.0  # weights of a window in the means whose difference is the trend
 PER = 1000.0  # operations to which a trend refers
@@ -68,8 +70,11 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         course=Course(
             verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
             profile=vector([0.0] * 2 * PHASES),
+            sound=values,
         ),
-        learnt=Learnt(solved=inputs.windows, values=values, quick=values, slow=values, moved=vector([0.0] * VALUES)),
+        learnt=Learnt(
+            solved=inputs.windows, values=values, quick=values, slow=values, wandering=vector([1.0] * VALUES)
+        ),
         evidence=NONE,
         since=NONE - 1.0,
     )
@@ -166,6 +171,7 @@ def _judge(state: State, par: Parameters) -> State:
     is_still, is_abnormal = not_(is_set(operation.has_moved)), is_set(operation.is_abnormal)
     is_strange = is_still | (is_abnormal & (size > par.limit_strange) & not_(is_familiar))
     is_calm = not_(is_abnormal | is_still | (course.verdict == Verdict.faulty))
+    has_current = fabs(total(operation.charges)) > DEAD * fabs(total(operation.sums))
     course = course._replace(
         size=size,
         commands=course.commands + 1.0,
@@ -174,6 +180,7 @@ def _judge(state: State, par: Parameters) -> State:
         familiar=where(is_familiar & not_(is_still), course.familiar + 1.0, 0.0),
         is_relearnt=where(is_abnormal, course.is_relearnt, 0.0),
         is_still=flag(is_still),
+        is_dead=where(is_closing, flag((size > par.limit_strange) & not_(has_current)), course.is_dead),
     )
     state = when(is_calm, lambda state: _know(state, currents), state._replace(course=course))
 
@@ -229,23 +236,31 @@ def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -
         profile=where_all(is_faulty, course.profile, profile),
         suspected=flag(is_first),
         onset=where(is_first, began, course.onset),
-        resistance=where(is_first, state.learnt.quick[0], course.resistance),
+        sound=where_all(is_first, state.learnt.quick, course.sound),
     )
     state = state._replace(course=course)
     state = when(is_second, lambda state: _decide(state, par), state)
-    return when(is_faulty, lambda state: _recover(state, par), state)
+    return when(is_faulty, _recover, state)
 
 
 def _decide(state: State, par: Parameters) -> State:
     """The causes of a strange operation and the next one, unless a closing with a cold coil was all."""
     course, noise = state.course, state.baseline.usual_size
-    still = vector([0.0] * (len(CAUSES) - 1) + [1.0])
-    evidence = where_all(is_set(course.is_still), still, _evidence(course.profile, SUDDEN, noise))
-    is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
     was_closing = not_(is_set(state.operation.command))  # the first one
+    profile = where_all(was_closing, _weighed(course.profile), course.profile)
+    evidence = where_all(is_set(course.is_still), _only("still"), _evidence(profile, SUDDEN, noise))
+    evidence = where_all(is_set(course.is_dead), _only("open"), evidence)
+    is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
     is_cold = was_closing & _is_cold(course.profile, is_usual, noise)
     is_fault = is_set(course.is_still) | not_(is_cold)
-    return when(is_fault, lambda state: _alarm(state, evidence), state)
+    return when(is_fault, lambda state: _alarm(state, profile, evidence), state)
+
+
+def _weighed(profile: Array) -> Array:
+    """The opening counts no more than the closing before it: `Mhe` may be lost in it."""
+    closing, opening = profile[:PHASES], profile[PHASES:]
+    most, found = _length(closing), _length(opening)
+    return vector([*closing, *(where(found > most, most / (found + LEAST), 1.0) * opening)])
 
 
 def _is_cold(profile: Array, is_usual: Scalar, noise: Scalar) -> Scalar:
@@ -264,17 +279,18 @@ def _is_along(found: Array, entries: Sequence[float], noise: Scalar) -> Scalar:
     return (along > 0.0) & (_square(found - along * unit) < square(ASIDE * along) + square(BESIDE * noise))
 
 
-def _alarm(state: State, evidence: Array) -> State:
-    course = state.course
-    course = course._replace(verdict=float(Verdict.faulty), faults=course.faults + 1.0, quiet=0.0, familiar=0.0)
+def _alarm(state: State, profile: Array, evidence: Array) -> State:
+    course = state.course._replace(profile=profile, quiet=0.0, familiar=0.0)
+    course = course._replace(verdict=float(Verdict.faulty), faults=course.faults + 1.0)
     return _with_evidence(state._replace(course=course), evidence, course.onset)
 
 
-def _recover(state: State, par: Parameters) -> State:
+def _recover(state: State) -> State:
     """The device is healthy again: a closing and an opening were usual, and what is learnt, or their currents."""
-    course = state.course
-    is_back = fabs(state.learnt.values[0] - course.resistance) < BACK
-    is_learnt = (course.quiet >= 2.0) & is_back & (_wear(state.learnt) < par.limit_worn)
+    course, learnt = state.course, state.learnt
+    off = learnt.values - course.sound
+    is_back = (fabs(off[0]) < BACK) & (_length((off / learnt.wandering)[1:]) < SAME)
+    is_learnt = (course.quiet >= 2.0) & is_back
     is_healthy = is_learnt | (course.familiar >= 2.0)
 
     def heal(state: State) -> State:
@@ -310,8 +326,8 @@ def _note(state: State, inputs: Inputs, par: Parameters) -> State:
         where_all(begins, base, where_all(is_first, values, mean + share * (values - mean)))
         for mean, share in ((old.quick, QUICK), (old.slow, SLOW))
     )
-    moved = (values - base) / (WANDER * shares)
-    state = state._replace(learnt=old._replace(values=values, moved=moved, quick=quick, slow=slow))
+    learnt = old._replace(values=values, wandering=WANDER * shares, quick=quick, slow=slow)
+    state = state._replace(learnt=learnt)
     is_calm = (state.course.verdict == Verdict.healthy) | (state.course.verdict == Verdict.worn)
     is_relearnt = is_set(state.course.is_relearnt)
     return when(is_calm & not_(is_relearnt), lambda state: _wear_out(state, inputs.time, par), state)
@@ -344,16 +360,22 @@ def _teach(old: Baseline, means: Array, is_closing: Scalar, par: Parameters) -> 
 
 def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
     """Learnt values that have moved too far, though no operation was strange."""
-    is_worn = _wear(state.learnt) > par.limit_worn
-    evidence = where_all(is_worn, _evidence(state.learnt.moved[1:], GRADUAL, 1.0), NONE)
+    moved = _moved(state)
+    is_worn = _wear(moved) > par.limit_worn
+    evidence = where_all(is_worn, _evidence(moved[1:], GRADUAL, 1.0), NONE)
     verdict = where(is_worn, float(Verdict.worn), float(Verdict.healthy))
     state = state._replace(course=state.course._replace(verdict=verdict))
     return _with_evidence(state, evidence, time)
 
 
-def _wear(learnt: Learnt) -> Scalar:
+def _moved(state: State) -> Array:
+    """Learnt values since the baseline, in usual wanderings (3)."""
+    return (state.learnt.values - state.baseline.healthy) / state.learnt.wandering
+
+
+def _wear(moved: Array) -> Scalar:
     """Size of what has moved; the resistance does so with temperature."""
-    return _length(learnt.moved[1:])
+    return _length(moved[1:])
 
 
 # causes
@@ -363,11 +385,17 @@ def _evidence(found: Array, signatures: tuple[Signature, ...], noise: Scalar) ->
     """What speaks for each cause, by the distances of directions (4)."""
     length = _length(found) + LEAST
     causes: list[Scalar] = [0.0] * len(CAUSES)
-    for cause, spread, entries in signatures:
-        variance = spread * spread + square(HALF * noise / length)
-        density = exp(-0.5 * _square(found / length - vector(direction(entries))) / variance) / square(square(variance))
+    for cause, entries, spreads in signatures:
+        off = found / length - vector(direction(entries))
+        variances = [square(0.01 * spread) + square(HALF * noise / length) for spread in spreads]
+        density = exp(-0.5 * total(x * x / v + log(v) for x, v in zip(off, variances)))
         causes[CAUSES.index(cause)] = causes[CAUSES.index(cause)] + density
     return vector(causes) / (total(causes) + UNKNOWN)
+
+
+def _only(cause: str) -> Array:
+    """Nothing speaks for another cause."""
+    return vector([1.0 if c == cause else 0.0 for c in CAUSES])
 
 
 def _with_evidence(state: State, evidence: Array, time: Scalar) -> State:
@@ -426,7 +454,7 @@ def _given(par: Parameters) -> Baseline:
 
 
 def _outputs(state: State) -> Outputs:
-    course, learnt, baseline = state.course, state.learnt, state.baseline
+    course, learnt, baseline, moved = state.course, state.learnt, state.baseline, _moved(state)
     lag = 1.0 / SLOW - 1.0 / QUICK  # operations
     return Outputs(
         verdict=course.verdict,
@@ -437,11 +465,11 @@ def _outputs(state: State) -> Outputs:
         commands=course.commands,
         motions=course.motions,
         strangeness=course.size,
-        wear=_wear(learnt),
+        wear=_wear(moved),
         evidence=Evidence(*state.evidence),
         since=Since(*state.since),
         profile=Profile(*course.profile),
-        moved=Moved(*learnt.moved),
+        moved=Moved(*moved),
         trend=Trend(*(PER / lag * (learnt.quick - learnt.slow))),
         kept=Kept(baseline.taught, baseline.usual_size, *baseline.usual, *baseline.healthy),
     )

@@ -150,16 +150,17 @@ class Course(NamedTuple):
 
     verdict: Scalar  # a `Verdict`
     profile: Annotated[Array, Vector(8)]  # deviations of the last closing and opening, or those of the fault
+    sound: Annotated[Array, Vector(8)]  # logarithms of the learnt values before the fault
     size: Scalar = 0.0  # of the last operation, in usual sizes
     commands: Scalar = 0.0
     motions: Scalar = 0.0
     suspected: Scalar = 0.0  # flag: the last operation was strange, and the one before was not
     is_still: Scalar = 0.0  # flag: the last operation had no motion
+    is_dead: Scalar = 0.0  # flag: the last closing had no current, though `Mhe` expected some
     quiet: Scalar = 0.0  # operations in a row that were not strange
     familiar: Scalar = 0.0  # operations in a row with the current of usual ones
     is_relearnt: Scalar = 0.0  # flag: a fault has passed, and `Mhe` has not yet got used to it
     onset: Scalar = 0.0  # begin of the first strange operation [s]
-    resistance: Scalar = 0.0  # its logarithm before
     faults: Scalar = 0.0
     passed: Scalar = 0.0
 
@@ -171,7 +172,7 @@ class Learnt(NamedTuple):
     values: Annotated[Array, Vector(8)]  # logarithms after the last good window
     quick: Annotated[Array, Vector(8)]  # their means
     slow: Annotated[Array, Vector(8)]
-    moved: Annotated[Array, Vector(8)]  # since the baseline, in usual wanderings
+    wandering: Annotated[Array, Vector(8)]  # of the logarithms, as is usual
 
 
 class State(NamedTuple):

@@ -122,6 +122,7 @@ FOR_PAGE(double *, inputs)(void) { return buffer; }
 FOR_PAGE(double *, record)(void) { return data; }
 FOR_PAGE(int, done)(void) { return (int)plan.next - 1; }
 FOR_PAGE(int, rows)(void) { return (int)plan.rows; }
+FOR_PAGE(int, acting)(void) { return (int)plan.part; }
 
 FOR_PAGE(int, open)(void)
 {
@@ -183,6 +184,27 @@ FOR_PAGE(int, start)(void)
             return 1;
     }
     return 0;
+}
+
+/* Events: numbers of noise, whether a condition holds, what the loop is to tell of it, and what an input gets. */
+FOR_PAGE(const double *, noise)(void) { return noise; }
+
+FOR_PAGE(int, holds)(int of)
+{
+    const Watch *w = watches + of;
+    return w->is_above ? buffer[w->place] > w->level : buffer[w->place] < w->level;
+}
+
+FOR_PAGE(void, watch)(int of, int is_on, int holds)
+{
+    watches[of].is_on = is_on;
+    watches[of].holds = holds;
+}
+
+FOR_PAGE(void, stage)(int part, int link, int source, int converts, double factor, double bias)
+{
+    Link *l = (Link *)parts[part].links + link;
+    *l = (Link){l->target, source, converts, factor, bias};
 }
 
 FOR_PAGE(int, advance)(int until) { return loop(&plan, until) != DONE; }
