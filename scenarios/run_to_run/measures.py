@@ -63,6 +63,7 @@ DEMANDS = (
         for name in ("offset", "negative-offset")
         for law in ("contact", "model")
     ),
+    *(Demand(condition="no-reserve", law=law, level="90 %", first=-LAST, bound=0.25) for law in ("contact", "model")),
     Demand(condition="half-bridge", law="contact", level="median", first=-LAST, bound=0.22),
     *(
         Demand(condition=name, law=law, level="median", first=10, bound=0.12)

@@ -3,7 +3,18 @@
 import pytest
 from commanded import inputs, parameters
 
-from gapsense.control.coil import closed, cycle_resistance, first_coil, integrated, open_flux, topped, zeroed
+from gapsense.control.coil import (
+    DRIVEN,
+    closed,
+    cycle_resistance,
+    driving,
+    first_coil,
+    integrated,
+    is_scarce,
+    open_flux,
+    topped,
+    zeroed,
+)
 from gapsense.estimators.gap import gap, make_gap
 
 PAR, NOT_LATE = parameters(), False
@@ -71,3 +82,18 @@ def test_resistance_does_not_depend_on_what_an_opening_is_told_of_its_beginning(
 def test_closing_that_ends_far_from_the_last_ones_counts_alone():
     coil = first_coil(inputs(), PAR)._replace(flux=18e-3, top=17e-3)
     assert (topped(coil).flux, topped(coil).top) == (18e-3, 18e-3)
+
+
+@pytest.mark.parametrize(
+    ("warmth", "volts", "scarce"),
+    [
+        (0.5, PAR.voltage_hold, False),
+        (1.1, PAR.voltage_hold, False),
+        (1.15, 1.15 * DRIVEN * PAR.voltage_hold, False),
+        (1.3, 1.3 * DRIVEN * PAR.voltage_hold, True),
+        (1.9, PAR.voltage_most, True),
+    ],
+)
+def test_ordinary_closing_of_a_warm_coil_takes_the_voltage_that_its_current_needs(warmth, volts, scarce):
+    coil = first_coil(inputs(), PAR)._replace(resistance=warmth * PAR.coil_resistance)
+    assert driving(coil, PAR) == pytest.approx(volts) and bool(is_scarce(coil, PAR)) is scarce

@@ -219,6 +219,20 @@ def test_stronger_hold_ends_with_a_closing_that_arrives():
     assert held == [PAR.voltage_hold] * 3 + [PAR.voltage_most] + [PAR.voltage_hold] * 2
 
 
+def test_ordinary_closing_with_a_warm_coil_has_more_voltage_than_holds():
+    """With the voltage that holds the current of a coil 30 % warmer may not close; with a cold one nothing changes."""
+
+    def closing(warmth):
+        rows, state = run(CYCLE + LOW, voltage=0.0, mode=landing)
+        coil = state.coil._replace(resistance=warmth * PAR.coil_resistance, measured=warmth * PAR.coil_resistance)
+        rows, _ = run(HIGH, since=state._replace(coil=coil), first=303, enable=0.0, voltage=0.0, mode=3.0)
+        return {row.voltage_reference for row in rows}
+
+    assert closing(1.1) == {PAR.voltage_hold}
+    (warm,) = closing(1.3)
+    assert PAR.voltage_hold < warm < PAR.voltage_most
+
+
 def test_windows_that_explain_nothing_judge_nothing_and_are_told():
     given = {"voltage": 10.0, "current": 0.2, "windows": lambda k: k // 100, "misfit": 40.0, "smoothed_published": 1.0}
     rows, _ = run(CYCLE * 6, PAR._replace(law=1.0), smoothed_time=lambda k: k * PAR.sample_time, **given)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gapsense.control.run_to_run import SHORT, TRACKING
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.scenarios.run_to_run.chain import Chain, Running
@@ -12,7 +13,7 @@ from gapsense.scenarios.run_to_run.comparison import SEED, TOGETHER, TUNED_ON, j
 from gapsense.scenarios.run_to_run.conditions import CONDITIONS, LEARNING, samples
 from gapsense.scenarios.run_to_run.cycles import NEVER, Outcome, outcome
 from gapsense.scenarios.run_to_run.loops import loop_of
-from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, noticed, quantile, verdicts
+from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, LEARNT, noticed, quantile, verdicts
 
 HELD_OUT = 6
 FEWER = 60  # actuators of the conditions of longer or many rows
@@ -53,6 +54,16 @@ def test_hard_operations_are_told_in_the_next_one_and_soft_ones_are_not(conditio
     """95 of 100 beyond 0.5 m/s, 2 of 1,000 below 0.2 m/s, and none harder than ordinary switching twice in a row."""
     seen = noticed(found(condition, law, FEWER))
     assert seen.told >= 0.95 * seen.hard and seen.wrongly <= 2e-3 * seen.soft and seen.twice == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LEARNING)
+def test_ordinary_operations_arrive_where_the_voltage_is_used_up(law):
+    """They are what the loop falls back to; what does not arrive is a soft closing, and not one after the other."""
+    seen = found("no-reserve", law, FEWER)
+    is_soft = np.isin(seen.states, (TRACKING, SHORT))
+    assert np.mean(seen.speeds[LEARNT:] == NEVER) < 2e-3 and noticed(seen).twice <= 2
+    assert not np.any((seen.speeds == NEVER) & ~is_soft)
 
 
 @pytest.mark.slow

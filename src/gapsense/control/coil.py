@@ -14,6 +14,8 @@ LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]
 TREND = 0.1  # part of a change of the resistance that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
+DRIVEN = 0.9  # of the usual current: an ordinary closing that has less may not arrive
+WARM = 0.85  # share of the voltage that the resistance may need
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
@@ -111,6 +113,23 @@ def _bridge_gain(coil: Coil, u: Scalar, par: Parameters) -> Scalar:
 def usual_current(par: Parameters) -> Scalar:
     """Of an ordinary closing that has lasted [A]."""
     return par.voltage_hold / par.coil_resistance
+
+
+def driving(coil: Coil, par: Parameters) -> Scalar:
+    """Voltage of an ordinary closing: that which holds, or what a warm coil needs for `DRIVEN` of the usual current."""
+    needed = _needed(coil, par)
+    possible = where(needed < par.voltage_most, needed, par.voltage_most)
+    return where(possible > par.voltage_hold, possible, par.voltage_hold)
+
+
+def is_scarce(coil: Coil, par: Parameters) -> Scalar:
+    """Whether the resistance needs nearly all voltage: a slow approach may not arrive."""
+    return _needed(coil, par) > WARM * par.voltage_most
+
+
+def _needed(coil: Coil, par: Parameters) -> Scalar:
+    """Voltage that the resistance needs in an ordinary closing [V]."""
+    return DRIVEN * coil.resistance * usual_current(par)
 
 
 def zeroed(coil: Coil, par: Parameters) -> Coil:

@@ -178,7 +178,8 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     law = laws.read(state.laws, half)
     plan, is_plain = planned(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
-    is_late = laws.is_late(has_landed, after, law)
+    first = where(half > 0.5, par.closing_travel, par.opening_travel)
+    is_late = laws.is_late(has_landed, after, first)
     # an estimator may be wrong: it has to say so of three ordinary closings in a row, and not twice in a row
     is_sure = (state.by_model < 1.0) | ((law.missed >= 2.0) & (state.is_strong < 1.0))
     is_weak = (has_landed < 1.0) & is_sure

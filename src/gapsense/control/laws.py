@@ -17,7 +17,7 @@ DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
 HIGHEST_FLOOR = 0.25  # [m/s]
 UNJUDGED = 0.6  # operations that did not arrive: what one counts for until it is judged
-LATE = 0.4  # travels after the planned arrival
+LATE = 0.4  # first travels after the planned arrival
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
 LIMITED = 5.0  # samples at a limit of the voltage that are too many
 UNFOLLOWED = 0.3  # of a travel at a limit: the flux linkage was another one than the profile
@@ -74,9 +74,9 @@ def started(law: Law, is_plain: Scalar) -> Law:
     return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), was_followed=1.0)
 
 
-def is_late(has_landed: Scalar, after: Scalar, law: Law) -> Scalar:
+def is_late(has_landed: Scalar, after: Scalar, travel: Scalar) -> Scalar:
     """Whether an operation fell short whose landing came so long after it was planned, if it came."""
-    return (has_landed < 1.0) | (after > LATE * law.travel)
+    return (has_landed < 1.0) | (after > LATE * travel)
 
 
 def judged(law: Law, has_landed: Scalar, fell_short: Scalar, par: Parameters) -> Law:

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from gapsense.control import laws, learning
 from gapsense.control.bend import due
-from gapsense.control.coil import closed, held_resistance, told, topped, usual_current, wandering, zeroed
+from gapsense.control.coil import (
+    WARM,
+    closed,
+    held_resistance,
+    is_scarce,
+    told,
+    topped,
+    usual_current,
+    wandering,
+    zeroed,
+)
 from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact, judged_by_current, warned
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
@@ -36,7 +46,6 @@ SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
 PATIENT = 8.0  # cycles after which an estimator is to be followed
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
-WARM = 0.85  # share of the voltage that the resistance may need
 
 
 def turned(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -130,7 +139,7 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     is_off = fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par)
     is_off = is_off | (fabs(coil.voltage_zero - state.coil.voltage_zero) > SHIFTED * par.voltage_most)
     state = cond(by_contact & is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
-    is_grown = (state.cycles == YOUNG) | (state.since_plain == YOUNG)
+    is_grown = ((state.cycles == YOUNG) | (state.since_plain == YOUNG)) & not_(is_scarce(state.coil, par))
     known = cond(is_grown, lambda: _grown(state.laws, par), lambda: state.laws)
     return state._replace(
         coil=new,

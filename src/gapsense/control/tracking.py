@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import correction
+from gapsense.control.coil import driving
 from gapsense.control.mover import Mover, make_mover
 from gapsense.control.profile import Operation, flux, is_planned
 from gapsense.control.records import LONGEST, Parameters, Running, State
@@ -68,7 +69,8 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
     wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state) - coil.flux)
     asked = wanted / coil.bridge_gain
     u = clip(asked, par.voltage_least, par.voltage_most)
-    hold = where(state.is_strong > 0.0, par.voltage_most, par.voltage_hold)
+    plain = where(running.is_plain > 0.0, driving(coil, par), par.voltage_hold)
+    hold = where(state.is_strong > 0.0, par.voltage_most, plain)
     ordinary = where(running.command > 0.5, hold, 0.0)
     return _kept(state, is_on, now, then, is_on & not_(u == asked), par), where(is_on, u, ordinary)
 
