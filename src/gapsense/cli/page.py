@@ -30,8 +30,8 @@ def page(
 ) -> None:
     """Write one HTML file in which a scenario runs: sliders, plots, metrics. It needs no server and no network.
 
-    The numbers are those of `gapsense run`, bit for bit. Which values a reader can change the scenario says in
-    `[page]`. The file is compiled by ziglang (`pip install 'gapsense[native,report]'`).
+    The numbers are those of `gapsense run`, bit for bit. `[page]` of the scenario names the values that a
+    reader can change. The file is compiled by ziglang (`pip install 'gapsense[native,report]'`).
     """
     from gapsense._os.native import NativeError
     from gapsense.page.page import write_page
