@@ -126,6 +126,7 @@ def document(case: Case, names: Sequence[str], course: Course, decimation: int =
         "events": {"contact": {"enabled": False}, **temperature(course), **faults},
         "inputs": {"drive.enable": switched(course)},
         "record": {"signals": ["monitor.*"], "decimation": decimation},
+        "page": {"first": []},  # which names other signals
     }
     return overlaid(SCENARIO, tables)
 
