@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ from experiment import WATCHED, Experiment, common, component_steps, real_rates
 
 from gapsense.cosim.fmu.instance import GET, SET, STEP
 from gapsense.cosim.run.master import Master
-from gapsense.cosim.run.part import Part
+from gapsense.cosim.run.part import Channel, Part
 
 FLAGS = ("-std=c99", "-O2", "-Wall", "-shared", "-fPIC")
 Outcome = tuple[float, int, dict[str, float]]
@@ -51,13 +52,19 @@ def c_part(part: Part, kept: list[Any]) -> CPart:
     set_, step, get = (ctypes.cast(part.instance.function(name), POINTER).value for name in (SET, STEP, GET))
     links = (INT * (2 * len(part.plain)))(*(place for pair in part.plain for place in pair))
     kept.append(links)
-    given, got = part.set_inputs, part.get_outputs
+    (takes, n_in, given), (gives, n_out, got) = (doubles(channels) for channels in (part.givers, part.readers))
     return CPart(
-        part.instance.pointer, set_, step, get,
-        ctypes.addressof(given.references), ctypes.addressof(got.references), len(given.values), len(got.values),
-        ctypes.addressof(given.values), ctypes.addressof(got.values),
+        part.instance.pointer, set_, step, get, takes, gives, n_in, n_out, given, got,
         ctypes.addressof(links), len(part.plain), part.component.step, part.component.offset,
     )  # fmt: skip
+
+
+def doubles(channels: Sequence[Channel]) -> tuple[int, int, int]:
+    """Address of the references, number and address of the values; the signals of our components are doubles."""
+    if not channels:
+        return 0, 0, 0
+    (one,) = channels
+    return ctypes.addressof(one.references), len(one.values), ctypes.addressof(one.values)
 
 
 def run(experiment: Experiment) -> Outcome:
