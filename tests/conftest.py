@@ -29,7 +29,7 @@ from gapsense.fmi.native.platforms import chosen, compilers
 ROOT = Path(__file__).resolve().parents[1]
 STARTED = {  # files whose tests are about processes themselves, and how they start and end
     *("test_strays", "test_apart", "test_remote", "test_wandering", "test_unpacked", "test_shadows", "test_interrupt"),
-    *("test_workers", "test_processes", "test_cluster", "test_run"),
+    *("test_workers", "test_processes", "test_cluster", "test_run", "test_engine"),
 }
 LONG = (  # files that take minutes in the long tests, the longest first, and those of the quick ones after them
     *("test_site", "test_platforms", "test_export", "test_everywhere", "test_benchmarks", "test_run_to_run_demands"),
