@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 sys.path.append(str(Path(__file__).parent / "fmus"))  # with helpers
 
@@ -27,6 +28,7 @@ from gapsense.fmi.native import package
 from gapsense.fmi.native.platforms import chosen, compilers
 
 ROOT = Path(__file__).resolve().parents[1]
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 STARTED = {  # files whose tests are about processes themselves, and how they start and end
     *("test_strays", "test_apart", "test_remote", "test_wandering", "test_unpacked", "test_shadows", "test_interrupt"),
     *("test_workers", "test_processes", "test_cluster", "test_run", "test_engine"),
@@ -65,6 +67,18 @@ def warm_workers(request: pytest.FixtureRequest) -> Iterator[None]:
         if sys.platform == "linux" and request.path.stem not in STARTED:
             patch.setattr(processes, "subprocess", SimpleNamespace(**{**vars(subprocess), "Popen": warm.Worker}))
         yield
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, without a sandbox, which root has not."""
+    if BROWSER is None:
+        pytest.skip("no Chromium to open a page in")
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        yield opened
+        opened.close()
 
 
 def once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:

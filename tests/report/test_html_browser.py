@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,6 @@ from gapsense.report import distributions
 from gapsense.report.html.page import write_report
 
 BAND = " \N{PLUS-MINUS SIGN}2\N{GREEK SMALL LETTER SIGMA}"
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium to open a report in")
 VIEWS = "[...Bokeh.index.roots].filter((v) => v.model.x_range)"
 RANGES = f"() => {VIEWS}.map((v) => [v.model.x_range.start, v.model.x_range.end])"
 INKED = """(canvas) => {  // pixels of a canvas that have something on them, by colour
@@ -31,15 +28,6 @@ INKED = """(canvas) => {  // pixels of a canvas that have something on them, by 
   return found;
 }"""
 ALL_INKED = f"() => [...document.querySelectorAll('.paper')].map({INKED})"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")

@@ -6,19 +6,15 @@ import functools
 import http.server
 import os
 import re
-import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from sources import ROOT
 
 pytestmark = pytest.mark.slow
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 INSIDE = ("file:", "data:", "blob:")  # addresses that need no network; a live page starts its worker from a blob
 
 
@@ -59,17 +55,6 @@ def test_lists_and_tables_of_the_pages_are_lists_and_tables(site):
     for page in site.rglob("*.html"):
         text = re.sub(r"<pre.*?</pre>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
         assert not re.search(r"<p>(?:[^<]|<(?!/p>))*?\n(?:- |\d\. |\| )", text), page.name
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    if BROWSER is None:
-        pytest.skip("no Chromium to open a page in")
-    sync_api = pytest.importorskip("playwright.sync_api")
-    with sync_api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.mark.parametrize("name", ["index", "report", "components/Ekf", "gallery", "api", "examples/which_estimator"])

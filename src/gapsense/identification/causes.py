@@ -53,7 +53,7 @@ def apply_causes(s: Signals, values: Mapping[str, float]) -> Signals:
 def cause(name: str) -> Cause:
     """The cause of that name, which may be about one edge."""
     if not is_place(name):
-        return {**CAUSES, **HIDDEN}[name]
+        return CAUSES[name] if name in CAUSES else HIDDEN[name]
     sample = int(name.rpartition(".")[2])
     said = "an edge that comes later, in samples, by"
     return Cause("1", _one, lambda s, x: displaced(s, sample, x), said, small=0.01)

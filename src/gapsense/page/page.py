@@ -14,7 +14,7 @@ from gapsense.cosim.run.run import run
 from gapsense.cosim.scenario.read import Source
 from gapsense.page import plan
 from gapsense.page.module import module, refuse_without_zig
-from gapsense.problems import InputError, ScenarioError
+from gapsense.problems import ScenarioError
 from gapsense.report.html import page as report
 from gapsense.report.html import style
 from gapsense.vectors.engine import is_ours
@@ -23,7 +23,7 @@ from gapsense.version import __version__
 HERE = "gapsense.page"
 POLICY = f"{report.POLICY}; worker-src blob:"
 MAY_COMPILE = "'wasm-unsafe-eval'"
-MISSING = report.MISSING.replace("Reports are drawn", "The panels of a page are chosen as in reports, which are drawn")
+DRAWN = "The panels of a page are chosen as in reports, which are drawn"
 MOST_NOISE = 10_000  # numbers of events, of 11 bytes each
 UPLOT = "uPlot 1.6.32"
 
@@ -65,10 +65,7 @@ def page(scenario: Source, variant: str | None = None, fmus: str | Path | None =
     subject = Subject(*prepare(scenario, variant, fmus))
     refuse_unfit(subject)
     refuse_without_zig()
-    try:
-        import bokeh  # noqa: F401  # which is optional, and brings jinja2
-    except ImportError:
-        raise InputError([MISSING]) from None
+    report.refuse_without_bokeh(DRAWN)
     from markupsafe import Markup
 
     from gapsense.page.content import content  # here, since it needs bokeh

@@ -6,14 +6,14 @@ No number is in both, and no text about ports is written here: it comes from whe
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapsense.cosim.run.events import NEVER, Actor, noise, watch
+from gapsense.cosim.run import events as run_events
+from gapsense.cosim.run.events import NEVER, Actor, noise
 from gapsense.cosim.run.part import Layout, constants, first_exchange, first_turn, player
 from gapsense.cosim.run.recording import Subject, Take, shape
-from gapsense.cosim.scenario.records import Component, Event, Experiment, Port, Watch, ports, resolved, texts
+from gapsense.cosim.scenario.records import Component, Experiment, Port, Watch, ports, texts
 from gapsense.fmi.native.headers import literal
 from gapsense.page.module import SYMBOLS, parts
 from gapsense.tables import Value
@@ -85,8 +85,7 @@ def header(subject: Subject) -> str:
 def layout_of(subject: Subject) -> Layout:
     """Places in the buffer."""
     events = {name: event for name, event in subject.scenario.events.items() if event.enabled}
-    own = resolved(events, subject.scenario.connections)
-    return Layout(ports(subject.descriptions), texts(subject.descriptions), own)
+    return Layout(ports(subject.descriptions), texts(subject.descriptions), subject.resolved(events))
 
 
 def at(rows: Any, k: int) -> list[float]:
@@ -222,24 +221,8 @@ def inputs(subject: Subject) -> list[list[float]]:
 
 def actors(subject: Subject) -> dict[str, Actor]:
     """The events, with one target each."""
-    layout, seeds, scenario = layout_of(subject), subject.taken().seeds, subject.scenario
-    return {
-        name: Actor(
-            replace(event, value=value_of(event, subject)),
-            scenario.experiment,
-            scenario.components[event.target.component],
-            int(name in layout.slots),
-            watch(event, layout),
-            seeds.get(event.seed_name, event.seed),
-        )
-        for name, event in layout.events.items()
-    }
-
-
-def value_of(event: Event, subject: Subject) -> Value | None:
-    """The value of an event, as FMI takes it."""
-    variable = subject.descriptions[event.target.component].variables[event.target.variable]
-    return None if event.value is None else variable.number(event.value)
+    layout, scenario = layout_of(subject), subject.scenario
+    return run_events.actors(layout.events, scenario.experiment, scenario.components, layout, subject.taken().seeds)
 
 
 def noises(acting: Mapping[str, Actor], experiment: Experiment) -> list[float]:
@@ -263,7 +246,7 @@ def condition(of: Watch) -> str:
 def events(subject: Subject) -> Iterator[dict[str, Any]]:
     """Events, as events.js has them."""
     layout, known, experiment = layout_of(subject), actors(subject), subject.scenario.experiment
-    first = {actor.event.name: key for key, actor in reversed([*known.items()])}
+    first = run_events.tellers(layout.events)
     watched = [name for name, actor in known.items() if actor.watch]
     room = 0  # of noise
     for name, actor in known.items():

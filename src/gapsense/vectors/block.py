@@ -34,11 +34,6 @@ class RunPart:
         self.stages = {name: Stage(slot) for name, slot in block.model.layout.slots_of(self.component.name).items()}
         self.instance = self  # whose parameters events change
 
-    def number(self, name: str, value: Value | None) -> Value | None:
-        """A value for a variable as FMI takes it."""
-        description = self.block.model.subject.descriptions[self.component.name]
-        return None if value is None else description.variables[name].number(value)
-
     def change(self, name: str, value: Value) -> None:
         """Set a tunable parameter during the run; FmuError if the component would refuse that."""
         given = self.block.given[self.lane][self.component.name]
@@ -130,7 +125,7 @@ class Block:
         for lane, take in enumerate(self.takes if model.layout.events else ()):
             problems: list[str] = []
             parts: Any = [RunPart(self, place, lane) for place in range(len(model.members))]
-            events = model.resolved(varied(model.scenario.events, take.values, problems))
+            events = model.subject.resolved(varied(model.scenario.events, take.values, problems))
             if problems:
                 self.lose(lane)
             view = self.values[:, lane]

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from gapsense.cosim.run.part import Layout
 from gapsense.cosim.run.recording import Subject, shape
-from gapsense.cosim.scenario.records import Component, Event, ports, resolved, texts
+from gapsense.cosim.scenario.records import Component, ports, texts
 from gapsense.fmi.ports import Component as PortTable
 from gapsense.fmi.steps import samples_due
 from gapsense.fmi.values import fields
@@ -36,7 +36,7 @@ class Model:
         self.periods = dict(zip(subject.order.names, periods))
         self.experiment = self.scenario.experiment
         descriptions = subject.descriptions
-        self.layout = Layout(ports(descriptions), texts(descriptions), self.resolved(self.scenario.events))
+        self.layout = Layout(ports(descriptions), texts(descriptions), subject.resolved(self.scenario.events))
         self.room = Room(self.layout.size)
         self.stages = {name: self.room.take(STAGE) for name in self.layout.slots}
         self.conditions = {name: self.room.take(WATCH) for name, e in self.layout.events.items() if e.when}
@@ -51,10 +51,6 @@ class Model:
         found = member.places.functions
         own = tuple(of_parameters(found.component, given).items())
         return self.known(found, own, repr(own))
-
-    def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
-        """Events with one target each."""
-        return resolved(events, self.scenario.connections)
 
     def member(self, component: Component) -> Member:
         """A component with its places; with Jacobi what it has taken may differ from what is in the buffer."""

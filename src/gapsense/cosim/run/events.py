@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from hashlib import sha256
 from struct import unpack
@@ -190,6 +190,32 @@ def noise(name: str, seed: int, k: int) -> float:
 Happened = list[list[Any]]  # event, base steps of its begin and its end, None while it is on
 
 
+def actors(
+    events: Mapping[str, Event],
+    experiment: Experiment,
+    components: Mapping[str, Component],
+    places: Layout,
+    seeds: Mapping[str, int],
+) -> dict[str, Actor]:
+    """What each of the events of `Subject.resolved` does."""
+    return {
+        name: Actor(
+            event,
+            experiment,
+            components[event.target.component],
+            int(name in places.slots),
+            watch(event, places),
+            seeds.get(event.seed_name, event.seed),
+        )
+        for name, event in events.items()
+    }
+
+
+def tellers(events: Mapping[str, Event]) -> dict[str, str]:
+    """Which one of those that an event became, one for each target, tells of it."""
+    return {event.name: key for key, event in reversed([*events.items()])}
+
+
 class Director:
     """The events of a run, with one target each; `limit` is the base step after which `turn` is to be called next."""
 
@@ -205,16 +231,13 @@ class Director:
     ) -> None:
         by_name = {part.component.name: part for part in parts}
         self.places, self.buffer, self.happened = places, buffer, Happened()
-        self.actors: dict[str, Actor] = {}
+        components = {name: part.component for name, part in by_name.items()}
+        self.actors = actors(events, experiment, components, places, seeds)
         self.stages: dict[str, Stage] = {}
         self.tuned: dict[str, Tuned] = {}
         for name, event in events.items():
-            part, lead = by_name[event.target.component], int(name in places.slots)
-            seed = seeds.get(event.seed_name, event.seed)
-            numbered = replace(event, value=part.number(event.target.variable, event.value))
-            actor = Actor(numbered, experiment, part.component, lead, watch(event, places), seed)
-            self.actors[name] = actor
-            if lead:
+            part, actor = by_name[event.target.component], self.actors[name]
+            if actor.lead:
                 self.stages[name] = part.stages[name]
             else:
                 number = parts.index(part) + 1
@@ -222,7 +245,7 @@ class Director:
                 self.tuned.setdefault(str(event.target), own).actors.append(actor)
         self.watches = [actor.watch for actor in self.actors.values() if actor.watch]
         self.has_news = reporter(self.watches, buffer)
-        self.first = {event.name: key for key, event in reversed([*events.items()])}  # of each event, tells of it
+        self.first = tellers(events)
         self.limit = self.turn(-1)
 
     def turn(self, k: int) -> int:

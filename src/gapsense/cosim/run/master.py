@@ -36,7 +36,7 @@ from gapsense.cosim.run.recording import (
     shape,
     varied_events,
 )
-from gapsense.cosim.scenario.records import Event, Experiment, Port, Scenario, ports, resolved, texts
+from gapsense.cosim.scenario.records import Experiment, Port, Scenario, ports, texts
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -70,7 +70,7 @@ class Master:
         self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = self.subject.order
-        self.places = Layout(ports(descriptions), texts(descriptions), self.resolved(scenario.events))
+        self.places = Layout(ports(descriptions), texts(descriptions), self.subject.resolved(scenario.events))
         self.buffer = array("d", [0.0]) * self.places.size
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
@@ -208,13 +208,8 @@ class Master:
         events = varied_events(self.scenario.events, values, problems)
         if problems:
             raise FmuError("run", " ".join(problems))
-        return Director(
-            self.resolved(events), self.scenario.experiment, self.parts, self.places, self.view, seeds, self.marks
-        )
-
-    def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
-        """Events with one target each."""
-        return resolved(events, self.scenario.connections)
+        own, experiment = self.subject.resolved(events), self.scenario.experiment
+        return Director(own, experiment, self.parts, self.places, self.view, seeds, self.marks)
 
     def abandon(self, failed: str) -> None:
         """Terminate the instances that have not failed; a second failure would only hide the first."""

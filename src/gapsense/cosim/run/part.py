@@ -225,10 +225,6 @@ class Part:
         """True if an input may change during a run."""
         return bool(self.plain or self.scaled or self.stages or self.is_played or self.spoken)
 
-    def number(self, name: str, value: Value | None) -> Value | None:
-        """A value for a variable as FMI takes it."""
-        return None if value is None else self.instance.description.variables[name].number(value)
-
     def connect(self, connection: Connection) -> None:
         """Let an input follow an output from now on."""
         if connection.target not in self.places.index:

@@ -33,6 +33,7 @@ from gapsense.cosim.scenario.records import (
     execution_order,
     ports,
     recorded_signals,
+    resolved,
 )
 from gapsense.problems import FmuError
 from gapsense.tables import Value
@@ -189,6 +190,17 @@ class Subject:
     def order(self) -> Order:
         """In which the components act."""
         return execution_order(list(self.scenario.components), self.scenario.connections, self.descriptions)
+
+    def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
+        """Events with one target each, and with values as FMI takes them."""
+        found = resolved(events, self.scenario.connections)
+        variables = {
+            name: self.descriptions[e.target.component].variables[e.target.variable] for name, e in found.items()
+        }
+        return {
+            name: e if e.value is None else replace(e, value=variables[name].number(e.value))
+            for name, e in found.items()
+        }
 
     @cached_property
     def run(self) -> Run:

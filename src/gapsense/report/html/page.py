@@ -23,7 +23,8 @@ from gapsense.report.table import quantity
 if TYPE_CHECKING:
     from gapsense.report.html.chapter import Chapter
 
-MISSING = "Reports are drawn by bokeh, which is not installed. Install it with `pip install 'gapsense[report]'`."
+DRAWN = "Reports are drawn"
+MISSING = "{} by bokeh, which is not installed. Install it with `pip install 'gapsense[report]'`."
 POLICY = "default-src 'none'; img-src data: blob:; font-src data:; style-src 'unsafe-inline'; script-src {}"
 
 
@@ -58,11 +59,16 @@ def report(results: Sequence[Path]) -> str:
     if not results:
         raise InputError(["there is nothing to report on. Name CSV files of results."])
     shown = read_all(results)
-    try:
-        import bokeh  # noqa: F401  # which is optional, and brings jinja2
-    except ImportError:
-        raise InputError([MISSING]) from None
+    refuse_without_bokeh(DRAWN)
     return page([chapter_of(one, f"r{k}") for k, one in enumerate(shown, 1)])
+
+
+def refuse_without_bokeh(drawn: str) -> None:
+    """Raise an InputError that says what is drawn by bokeh, which is optional and brings jinja2, if it is missing."""
+    try:
+        import bokeh  # noqa: F401
+    except ImportError:
+        raise InputError([MISSING.format(drawn)]) from None
 
 
 def chapter_of(shown: Shown | Many, key: str) -> Chapter:
