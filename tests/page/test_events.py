@@ -72,9 +72,6 @@ class Component:
         name, told = self.component.name, self.told
         self.instance = SimpleNamespace(change=lambda parameter, value: told.append([f"{name}.{parameter}", value]))
 
-    def number(self, _: str, value: Any) -> Any:
-        return value
-
 
 @pytest.fixture(scope="module")
 def valve(fmus: Path) -> Subject:
