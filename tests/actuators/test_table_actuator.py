@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from static_table import FILE, FLUX_LINKAGES, GAPS, current, write
@@ -122,6 +122,7 @@ MORE = st.fixed_dictionaries(
 )
 
 
+@example([0.0, 30.0], {"hysteresis": 1.0, "eddy_currents": 0.0, "initial_position": 0.85e-3, "damping": 0.0})  # no flux
 @given(LEVELS, MORE)
 @settings(max_examples=25, deadline=None)
 def test_energy_balance_closes_over_whole_operations(levels, more):

@@ -34,6 +34,7 @@ from gapsense.kernels.interpolate import Patch, Surface, surface, surface_patch
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import cond, fabs, load, locate, not_, sqrt, square, where
 
+SWITCH_SCALE = 1e-8  # of the margins of the core: a settled flux is 1e-10 from turning, and would hide a stop ahead
 STOP_FINENESS = 0.1  # micro-step on an elastic stop at most, in reciprocal angular frequencies of the mover there
 
 
@@ -296,7 +297,7 @@ def _margin(dev: Device, patch: Patch, switches: Switches, contact: Contact, at:
     mechanical = cond(contact.sliding != 0.0, moving, resting)
     return cond(
         core.is_hysteretic,
-        lambda: least(mechanical, least(*switch(dev.act, switches, electric_at(dev, patch, at)))),
+        lambda: least(mechanical, least(*switch(dev.act, switches, electric_at(dev, patch, at))) / SWITCH_SCALE),
         lambda: mechanical,
     )
 
