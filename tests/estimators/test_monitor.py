@@ -155,6 +155,17 @@ def test_what_mhe_does_while_it_feeds_the_current_back_is_no_part_of_a_profile(b
     )
 
 
+def test_the_current_of_a_coil_that_has_cooled_counts(bench: Bench) -> None:
+    """It is more than usual closings end with, and so is that of `Mhe`."""
+    bench.values[0] *= 0.8
+    if bench.is_on:
+        bench.operate()
+    operated(bench, 2, profile=[0.0, 0.0, -0.01, -0.012, 0.0, 0.0, 0.0, 0.0])
+    assert bench.said("profile_closing_landed", "profile_closing_held") == pytest.approx(
+        [-0.01, -0.012], abs=3.0 * USUAL
+    )
+
+
 def test_neither_noise_nor_a_cold_coil_nor_mhe_alone_is_a_fault(bench: Bench) -> None:
     assert set(operated(bench, 4, causes=1.0)) == {float(Verdict.healthy)}
     assert set(operated(bench, 2, profile=[0.01] * 8)) == {float(Verdict.healthy)}
