@@ -13,6 +13,7 @@ from gapsense.identification.measurements.operations import (
     Operation,
     drift,
     estimate,
+    hum,
     noise,
     operations,
     resolution,
@@ -20,6 +21,7 @@ from gapsense.identification.measurements.operations import (
     true_runs,
 )
 from gapsense.identification.measurements.record import SHOWN, UNITS, Columns, Record, Vector
+from gapsense.report.table import quantity
 
 FEWEST_SAMPLES = 8
 JITTER = 0.01  # largest deviation of a time step from their median, relative
@@ -191,7 +193,12 @@ def _spike(record: Record) -> str:
 def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
     """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
-    if moved := drift(record):
+    if (moved := drift(record)) and (buzz := hum(record)):
+        yield (
+            f"{file}: {quantity(buzz.amplitude, 'A')} of the current at rest goes with {buzz.frequency:g} Hz:"
+            " hum of the mains. Shield the sensor's wires, or filter both channels alike."
+        )
+    elif moved:
         yield (
             f"{file}: the current at rest moves by {moved:.4g} A from the first operation to the end of the record: its"
             " zero drifts, or it has not ended between operations. Let the sensor warm up, pause for longer, or record"

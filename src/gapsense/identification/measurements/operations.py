@@ -30,6 +30,8 @@ FEW = 3  # samples; an activity that is shorter is a spike
 DRIFT = 0.01  # of the largest current: a level at rest that moves by less is steady
 WHITE = 0.7  # of the root mean square of a signal: with more of it in its second differences, it is noise
 MANY = 20  # samples at rest whose mean tells its level
+MAINS = (50.0, 60.0)  # Hz
+CHANCE, MOST = 40.0, 0.6  # squares over the noise's that hum must explain; its part of those that noise does not
 
 
 class Operation(NamedTuple):
@@ -93,6 +95,39 @@ def drift(record: Record) -> float:
     levels = np.array([x.mean() for x in still])
     moved = float(levels[-1] - levels[0])
     return moved if abs(moved) > max(SIGMAS * sigma, DRIFT * float(np.abs(i).max())) else 0.0
+
+
+class Hum(NamedTuple):
+    """What of the current at rest goes with the mains."""
+
+    frequency: float  # [Hz]
+    amplitude: float  # [A]
+
+
+def hum(record: Record) -> Hum | None:
+    """Hum, if it explains most of what the current does at rest: before, and in the later half of pauses."""
+    i, off = record.current, np.abs(record.voltage) < leaves(record.voltage, "voltage")
+    ended = [0, *(end for _, end in activities(record))]
+    pauses = zip(ended, [*starts(record), i.size])
+    rests = [np.arange((a + b) // 2 if a else 0, b) for a, b in pauses]
+    at = np.concatenate([x[off[x]] for x in rests if x.size >= MANY] or [np.zeros(0, dtype=int)])
+    if at.size < 2 * MANY or at[-1] - at[0] < 1.0 / (min(MAINS) * record.dt):
+        return None
+    x, sigma = i[at], max(noise(i), hidden(i))
+
+    def fit(*columns: Vector) -> tuple[float, Vector]:
+        matrix = np.stack((np.ones(at.size), *columns), axis=1)
+        found = np.linalg.lstsq(matrix, x, rcond=None)[0]
+        return float(((x - matrix @ found) ** 2).sum()), found
+
+    waves = {f: 2.0 * np.pi * f * record.dt * at for f in MAINS}
+    fits = {f: fit(np.sin(phase), np.cos(phase)) for f, phase in waves.items()}
+    left = min(left for left, _ in fits.values())
+    alike = {f: float(np.hypot(*found[1:])) for f, (least, found) in fits.items() if least < left + CHANCE * sigma**2}
+    f = min(alike, key=lambda f: alike[f])  # one that is nearly in step with the operations has a large amplitude
+    steady, moving = fit()[0], fit(at * record.dt)[0]
+    enough = max(CHANCE * sigma**2, MOST * (steady - at.size * sigma**2), steady - moving)
+    return Hum(f, alike[f]) if steady - left > enough else None
 
 
 def leaves(x: Vector, name: str) -> float:

@@ -315,7 +315,7 @@ def explanations(result: Identified) -> list[str]:
     if result.is_explained:
         return []
     if said := hums(result.residuals):
-        return [f"Of what a record leaves, {said}: the usual cause is hum of the mains."]
+        return [f"{said}."]
     if not found:
         return []
     return [f"Most likely causes, apart from other values of the parameters: {', or '.join(found)}."]
