@@ -208,11 +208,11 @@ def operation_problems(record: Record, file: str, period: float | None) -> Itera
         rows = ", ".join(str(record.rows[k]) for k in starts(record)[: 2 * SHOWN]) or "none"
         yield (
             f"{file}: no complete operation (current begins to flow after row {rows}). Record until the current has "
-            "ended, or give the length of a period with `--period` in s; `gapsense commission` takes a record that ends"
-            " while the coil is held."
+            "ended, or settled while the coil is held, or give the length of a period with `--period` in s;"
+            " `gapsense commission` takes a record that ends earlier."
         )
     limit = 2.0 * _largest_at_rest(record)
-    for operation in found[:SHOWN]:
+    for operation in [o for o in found[:SHOWN] if not o.held]:
         i = record.current[[operation.start, operation.stop]]
         if abs(i[1] - i[0]) > limit:
             place = f"{file}, row {record.rows[operation.start]} to {record.rows[operation.stop]}"

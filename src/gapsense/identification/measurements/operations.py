@@ -30,20 +30,27 @@ FEW = 3  # samples; an activity that is shorter is a spike
 DRIFT = 0.01  # of the largest current: a level at rest that moves by less is steady
 WHITE = 0.7  # of the root mean square of a signal: with more of it in its second differences, it is noise
 MANY = 20  # samples at rest whose mean tells its level
+HELD, STEADY = 4, 2e-3  # last part of a closing, as 1 over it, in which means change by less, relative to the range
 MAINS = (50.0, 60.0)  # Hz
 CHANCE, MOST = 40.0, 0.6  # squares over the noise's that hum must explain; its part of those that noise does not
 
 
 class Operation(NamedTuple):
-    """Samples `start` to `stop` of one operation; the flux linkage is the same at both."""
+    """Samples `start` to `stop` of one operation; the flux linkage is the same at both, unless the coil is held."""
 
     start: int
     stop: int
+    held: int = 0  # samples at the end in which a coil that stays on has settled
 
     @property
     def inside(self) -> slice:
         """The samples whose intervals, those before them, belong to the operation."""
         return slice(self.start + 1, self.stop + 1)
+
+    @property
+    def balanced(self) -> slice:
+        """The samples over which the flux linkage does not change, for (23): all, or those of a held coil."""
+        return slice(self.stop + 1 - self.held, self.stop + 1) if self.held else self.inside
 
 
 def noise(x: Vector) -> float:
@@ -192,7 +199,8 @@ def _before(active: list[tuple[int, int]], record: Record) -> list[int]:
 def operations(record: Record, period: float | None = None) -> list[Operation]:
     """Complete operations: from rest to rest, or every `period` [s] from the first one on.
 
-    The last one ends with its usual length, or else with the record, if the current has ended by then.
+    The last one ends with its usual length, or else with the record, if the current has ended by then.  Without any, a
+    closing is one if the coil is held until all has settled.
     """
     active, last = activities(record), record.times.size - 1
     begins = _before(active, record)
@@ -205,9 +213,24 @@ def operations(record: Record, period: float | None = None) -> list[Operation]:
     if len(begins) == 1 and end > last:
         begins = edges(record.voltage).tolist()
         ends = [2 * begins[-1] - begins[-2]] if len(begins) > 1 else []
-        return _between(begins + [k for k in ends if k <= last])
+        return _between(begins + [k for k in ends if k <= last]) or _closing(record, begins[0] if begins else 0, last)
     usual = 2 * begins[-1] - begins[-2] if len(begins) > 1 else last
     return _between(begins + ([usual if end <= usual <= last else last] if end <= last else []))
+
+
+def _closing(record: Record, start: int, stop: int) -> list[Operation]:
+    """The operation of a coil that stays on, if its voltage and its current do not change in the last part of it."""
+    count = (stop - start) // HELD
+    if count < MANY:
+        return []
+    last = slice(stop + 1 - 2 * (count // 2), stop + 1)
+    for name in SMALL:
+        x = getattr(record, name)
+        before, after = x[last].reshape(2, -1).mean(axis=1)
+        chance = SIGMAS * max(noise(x), hidden(x)) / np.sqrt(count / 4.0)
+        if abs(after - before) > max(chance, STEADY * np.ptp(x)) or abs(after) < leaves(x, name):
+            return []
+    return [Operation(start, stop, last.stop - last.start)]
 
 
 def _between(places: list[int]) -> list[Operation]:
@@ -241,7 +264,7 @@ def trapezoid(current: Vector) -> Vector:
 def estimate(record: Record, found: list[Operation]) -> Flux:
     """Flux linkage by (21), with the resistance of every operation by (23): it ends where it began."""
     means, applied = trapezoid(record.current), record.applied
-    resistances = np.array([applied[o.inside].sum() / means[o.inside].sum() for o in found])
+    resistances = np.array([applied[o.balanced].sum() / means[o.balanced].sum() for o in found])
     per_sample = np.full(record.times.size, resistances[-1])
     per_sample[: found[0].start + 1] = resistances[0]
     for operation, R in zip(found, resistances):
