@@ -160,6 +160,12 @@ def remarks(result: Coil) -> list[str]:
             for r, x in zip(result.residuals, result.records)
             if (noise := r.noise / float(np.abs(x.current).max())) > HIDES
         ]
+    if result.contrary:
+        names = ", ".join(f"{by:.2g} of `{PORTS[name].name}`" for name, by in result.contrary.items())
+        said.append(
+            f"The records disagree beyond chance, so that errors are multiplied, by {names}. The usual cause is a"
+            " saturation or a core loss of another kind, another temperature or another scale: identify each alone."
+        )
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
     said += hidden(result)

@@ -336,6 +336,11 @@ class Facts(NamedTuple):
     unready: list[str]  # why no model can begin with the record
     unfinished: list[str]  # why `identify` finds no operation in it
 
+    @property
+    def closings(self) -> list[Begun]:
+        """Those of all operations, with an end or without."""
+        return [*(Begun(pulse.operation, pulse.closing) for pulse in self.pulses), *self.begun]
+
 
 def facts(record: Record, period: float | None = None, may_clip: bool = False) -> Facts:
     """Facts of a record that has been read without its offsets."""

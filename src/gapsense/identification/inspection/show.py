@@ -193,7 +193,7 @@ class Item(NamedTuple):
 def checklist(found: Facts, impaired: int) -> list[Item]:
     """All of it; `impaired` is the number of remarks on the record."""
     R, L = ([getattr(p, name) for p in found.pulses] for name in ("resistance", "inductance"))
-    closings = [each.closing for each in (*found.pulses, *found.begun)]
+    closings = [each.closing for each in found.closings]
     seen = {"closing": closings, "opening": [p.opening for p in found.pulses]}
     if found.pulses and (float(np.mean(R)) <= 0.0 or float(np.median(L)) <= 0.0):
         return [offsets(found), *(Item(what, NO, WRONG) for what in (*COIL, *map(MOTION, seen), *USES))]
@@ -273,7 +273,7 @@ def why_no_way_back(found: Facts) -> str:
 def describe_kinks(found: Facts, kinks: list[Kink | None]) -> str:
     """In how many operations, and when."""
     one = next(kink for kink in kinks if kink)
-    begun = next(p.operation.start for p, kink in zip([*found.pulses, *found.begun], kinks) if kink)
+    begun = next(p.operation.start for p, kink in zip(found.closings, kinks) if kink)
     begin = begun * found.dt + found.first
     many = f"in {sum(map(bool, kinks))} of {len(kinks)}: " if len(kinks) > 1 else ""
     return (
@@ -368,7 +368,7 @@ def scales(found: Facts) -> Table:
         constants = [p.inductance / p.resistance for p in found.pulses if p.resistance > 0.0]
         rows += [("time constant L/R", min(constants) / found.dt)] if constants else []
     for name, kinks in (
-        ("closing", [p.closing for p in (*found.pulses, *found.begun)]),
+        ("closing", [each.closing for each in found.closings]),
         ("opening", [p.opening for p in found.pulses]),
     ):
         if lengths := [kink.samples for kink in kinks if kink]:

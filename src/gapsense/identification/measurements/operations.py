@@ -130,7 +130,7 @@ def hum(record: Record) -> Hum | None:
     waves = {f: 2.0 * np.pi * f * record.dt * at for f in MAINS}
     fits = {f: fit(np.sin(phase), np.cos(phase)) for f, phase in waves.items()}
     left = min(left for left, _ in fits.values())
-    alike = {f: float(np.hypot(*found[1:])) for f, (least, found) in fits.items() if least < left + CHANCE * sigma**2}
+    alike = {f: float(np.hypot(*found[1:])) for f, (least, found) in fits.items() if least <= left + CHANCE * sigma**2}
     f = min(alike, key=lambda f: alike[f])  # one that is nearly in step with the operations has a large amplitude
     steady, moving = fit()[0], fit(at * record.dt)[0]
     enough = max(CHANCE * sigma**2, MOST * (steady - at.size * sigma**2), steady - moving)
