@@ -18,10 +18,10 @@ import numpy.typing as npt
 
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
-from gapsense.kernels.emit.lanes import held, is_array, same_over_runs
+from gapsense.kernels.emit.lanes import held, is_array
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, OverRuns, over_runs
-from gapsense.kernels.lanes.library import HERE, loaded
+from gapsense.kernels.lanes.library import addresses, loaded, with_types
 from gapsense.kernels.lanes.plan import Column
 from gapsense.kernels.layout import fields, names
 
@@ -51,7 +51,7 @@ def pointer(kind: Any) -> Any:
     return ctypes.POINTER(kind) if kind is Int or (kind and issubclass(kind, ctypes.Structure)) else Pointer
 
 
-MADE = structures((HERE / "lanes.h").read_text("utf-8") + SOURCE.read_text("utf-8"))
+MADE = structures(with_types(SOURCE.read_text("utf-8")))
 Call, Link, Stage, Range, Watch, Part = (MADE[name] for name in ("Call", "Link", "Stage", "Range", "Watch", "Part"))
 Loop, Runs, Signal = MADE["Loop"], MADE["Runs"], MADE["Signal"]
 
@@ -82,23 +82,16 @@ def functions(name: str) -> Functions | None:
     component = load_component(folder)
     kernel = kernel_of(component)
     codes = over_runs(kernel)
-    parts = [exported(name, code) for name, code in codes._asdict().items()]
-    library = loaded("\n".join([(HERE / "lanes.h").read_text("utf-8"), *same_over_runs(parts), *parts]))
-    if library is None:
+    found = addresses(codes)
+    if found is None:
         return None
-    addresses = (ctypes.cast(getattr(library, name), Pointer).value or 0 for name in codes._fields)
-    return Functions(component=component, folder=folder, kernel=kernel, codes=codes, addresses=tuple(addresses))
-
-
-def exported(name: str, code: Code) -> str:
-    """C of a function, under a name by which the library gives it away."""
-    return code.c.text.replace("static void NAME(", f"void {name}(", 1)
+    return Functions(component=component, folder=folder, kernel=kernel, codes=codes, addresses=tuple(found))
 
 
 @cache
 def loop() -> Any:
     """The library that does base steps; None where no compiler is."""
-    library = loaded("\n".join([(HERE / "lanes.h").read_text("utf-8"), SOURCE.read_text("utf-8")]))
+    library = loaded(with_types(SOURCE.read_text("utf-8")))
     if library is not None:
         part, loop, runs, signals = (ctypes.POINTER(kind) for kind in (Part, Loop, Runs, Signal))
         library.prepare.argtypes = [part, runs]
