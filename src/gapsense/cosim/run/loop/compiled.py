@@ -145,9 +145,7 @@ def structure(guest: Guest, i: int, work: Work) -> PartInC:
 
 def array_of(part: Part) -> Any:
     """Connections into a part, and after them the stages of events, in order."""
-    links = [Link(target, source, 0, 1.0, 0.0) for target, source in part.plain]
-    links += [Link(target, source, 1, factor, bias) for target, source, factor, bias in part.scaled]
-    return (Link * (len(links) + len(part.stages)))(*links)
+    return (Link * (len(part.wires) + len(part.stages)))(*part.wires)
 
 
 def renew(guest: Guest) -> None:
