@@ -6,7 +6,6 @@ There is one for the loop, and one for each kernel.
 from __future__ import annotations
 
 import ctypes
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from math import inf
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.structures import structures
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
 from gapsense.kernels.emit.lanes import held, is_array
@@ -27,31 +27,7 @@ from gapsense.kernels.layout import fields, names
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 Int, Size, Long, Pointer = ctypes.c_int, ctypes.c_ssize_t, ctypes.c_int64, ctypes.c_void_p
-NUMBERS = {"int": Int, "ptrdiff_t": Size, "int64_t": Long, "double": ctypes.c_double}
-TYPEDEF = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
-COMMENT, FIELDS = re.compile(r"/\*.*?\*/", re.DOTALL), re.compile(r"(?:const )?(\w+) ([\w*, ]+);")
-
-
-def structures(source: str) -> dict[str, Any]:
-    """The structures that a source of C declares, by name; one in another shares its fields with that."""
-    made: dict[str, Any] = {**NUMBERS, "Column": Column}
-    for body, name in TYPEDEF.findall(COMMENT.sub("", source)):
-        fields = [
-            (field.lstrip("*"), pointer(made.get(kind)) if field[0] == "*" else made[kind])
-            for kind, names in FIELDS.findall(body)
-            for field in names.split(", ")
-        ]
-        inner = [field for field, kind in fields if field == "block"]
-        made.setdefault(name, type(name, (ctypes.Structure,), {"_anonymous_": inner, "_fields_": fields}))
-    return made
-
-
-def pointer(kind: Any) -> Any:
-    """Pointer to a structure or to whole numbers; to anything else a plain address."""
-    return ctypes.POINTER(kind) if kind is Int or (kind and issubclass(kind, ctypes.Structure)) else Pointer
-
-
-MADE = structures(with_types(SOURCE.read_text("utf-8")))
+MADE = structures(with_types(SOURCE.read_text("utf-8")), Column=Column)
 Call, Link, Stage, Range, Watch, Part = (MADE[name] for name in ("Call", "Link", "Stage", "Range", "Watch", "Part"))
 Loop, Runs, Signal = MADE["Loop"], MADE["Runs"], MADE["Signal"]
 
