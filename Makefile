@@ -14,8 +14,8 @@ demo: fmus
 	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
 	$(BIN)/gapsense figure scenarios/semera_valve
 
-test: lint fmus  # then three that keep one core busy each, the longest first
-	$(MAKE) --jobs 2 scenarios types natives
+test: lint  # then four that keep one core busy each, and of which only the scenarios wait for another
+	$(MAKE) --jobs 2 fmus types scenarios natives
 	$(MAKE) unit
 
 fast: fmus
