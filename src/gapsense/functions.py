@@ -361,7 +361,7 @@ def fem(
     number = float(turns or known.get("coil.turns", BY_NAME["coil.turns"].start))
     points = read_solved(source, how, Given(number, current, float(symmetry), closed))
     stops = {"stop.lower": float(points.gap[0]), "stop.upper": float(points.gap[-1])}
-    given = {**stops, **known}
+    given = {"initial.position": known.get("stop.upper", stops["stop.upper"]), **stops, **known}
     assumed = [*["coil.turns"] * no_turns, *(n for n in stops if n not in known), *marked]
     models = show.make_models(points, number, float(given["stop.lower"]), float(given["stop.upper"]))
     tuning, told = show.windows(models, given, supply)

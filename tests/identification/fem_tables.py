@@ -1,8 +1,8 @@
 """Tables of a solenoid that is none of ours, as programs for finite elements write them; solved apart from the package.
 
-The flux phi of the coil passes a yoke and splits into a leak and the armature with its gap: both iron parts have a
-field sinh(B/b)/s that no law of the package has, so that the reduced model is wrong by what passes the leak.  Energy and
-co-energy are sums of integrals, the force is -dR/dh phi_a^2/2 of the flux phi_a that passes the gap.
+The flux phi of the coil passes a yoke and splits into a leak and the armature with its gap.  Both iron parts have a
+field sinh(1.7 phi/b) that no law of the package has, so that the reduced model is wrong by what passes the leak.  The
+force is -dR/dh phi_a^2/2 of the flux phi_a that passes the gap.
 """
 
 from __future__ import annotations
@@ -53,13 +53,16 @@ GAPS = np.linspace(0.1e-3, 2.1e-3, 11)
 CURRENTS = np.linspace(0.0, 1.5, 13)
 
 
-def solved(gaps=GAPS, currents=CURRENTS, magnet=Magnet()):
+MAGNET = Magnet()
+
+
+def solved(gaps=GAPS, currents=CURRENTS, magnet=MAGNET):
     """Columns by name, on a grid, in SI units."""
     h, i = (x.ravel() for x in np.meshgrid(gaps, currents, indexing="ij"))
     return columns(h, i, magnet)
 
 
-def columns(h, i, magnet=Magnet()):
+def columns(h, i, magnet=MAGNET):
     """Columns at some points."""
     lam, F = np.array([magnet.solve(b, a) if b else (0.0, 0.0) for a, b in zip(h, i)]).T
     return {"gap": h, "current": i, "flux_linkage": lam, "force": F}

@@ -188,9 +188,7 @@ def _limited(
     return limited(act, dt, magnetic + where(is_stiff, dev.stop_need + damped, 0.0))
 
 
-def _rates(
-    dev: Device, patch: Patch, walls: Scalar, contact: Contact, at: Continuous
-) -> tuple[Continuous, Losses]:
+def _rates(dev: Device, patch: Patch, walls: Scalar, contact: Contact, at: Continuous) -> tuple[Continuous, Losses]:
     """Rates of all states, and what is lost."""
     act, mover, v = dev.act, dev.act.mover, at.velocity
     magnet, core = magnet_at(dev, patch, at), _core(dev, at)

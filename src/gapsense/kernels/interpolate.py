@@ -37,9 +37,7 @@ def spline_piece(x: Scalar, knots: Array, values: Array, curvatures: Array) -> C
     return _piece(x, *ends)
 
 
-def _piece(
-    x: Scalar, left: Scalar, right: Scalar, y: Scalar, y_next: Scalar, c: Scalar, c_next: Scalar
-) -> Cubic:
+def _piece(x: Scalar, left: Scalar, right: Scalar, y: Scalar, y_next: Scalar, c: Scalar, c_next: Scalar) -> Cubic:
     """The piece between two places, from the values and second derivatives there."""
     width = right - left
     mean, sixth = (y_next - y) / width, width / 6.0

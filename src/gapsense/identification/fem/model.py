@@ -22,12 +22,12 @@ from scipy.optimize import minimize_scalar
 
 from gapsense.estimators.core_losses import SATURATED
 from gapsense.identification.fem.reading import Solved
-from gapsense.identification.gap_law.laws import Law, Matrix, Vector, basis, not_negative, reluctance, total
+from gapsense.identification.gap_law.laws import Law, Matrix, Vector, not_negative, reluctance, total
 from gapsense.identification.least_squares import rms
 
 FORMS = ("Froehlich", "bent")  # R_c0/(1 - x), or K x^2/(1 - x^2), at x = flux linkage over that of saturation
 SHARP, POWER = "sharp", 8.0  # K x^8, which no estimator has, to compare with
-KNOTS = (2, 3, 4, 6, 8, 12)  # at which slopes of R are sought
+LAWS = ((1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8))  # degree and number, of the slope of R
 FARTHEST = 30.0  # saturation, in the largest flux linkage
 SMALL = 0.05  # of the largest value: below, errors are relative to that
 PIECES = (8, 10)  # of the surface, at most, by flux linkage and by gap
@@ -36,6 +36,7 @@ MORE = 4.0  # factor of the penalty until the surface is that of a device
 CERTAIN = 5e-4  # relative error of what was solved, at least: a mesh is no finer
 FLUXES, GAPS = 41, 40  # rows of a map
 FINE = 4  # times that, on which it is looked at
+SLOPES = 121  # at which that of R is kept
 TINY = 1e-12
 
 
@@ -83,23 +84,23 @@ def reduce(points: Solved, turns: float, form: str | None = None) -> Reduced:
     """The reduced model nearest to the points: relative errors of current and force, by Schwarz's criterion."""
     gaps = np.unique(points.gap)
     found = [
-        fit(points, turns, each, np.quantile(gaps, np.linspace(0.0, 1.0, count)))
+        fit(points, turns, each, degree, spaced(gaps, float(gaps[0]), float(gaps[-1]), pieces, degree))
         for each in (FORMS if form is None else [form])
-        for count in KNOTS
-        if count < gaps.size
+        for degree, pieces in LAWS
+        if degree + pieces < gaps.size
     ]
     n = points.gap.size * (1 if points.force is None else 2)
-    worth = [n * np.log(cost + TINY * n) + len(m.law.numbers) * np.log(n) for m, cost in found]
+    worth = [n * np.log(cost + TINY * n) + size * np.log(n) for _, size, cost in found]
     return found[int(np.argmin(worth))][0]
 
 
-def fit(points: Solved, turns: float, form: str, knots: Vector) -> tuple[Reduced, float]:
-    """The model with one core and slopes at some gaps, and the sum of its squared errors."""
-    lam, h = points.flux_linkage, points.gap
-    heights = np.stack([np.interp(h, knots, row) for row in np.eye(knots.size)], axis=1)
-    fixed, wanted = np.column_stack((lam, basis(knots, h) * lam[:, None])), points.current / scale(points.current)
-    fixed = fixed / (turns**2 * scale(points.current)[:, None])
-    pull = np.zeros((0, knots.size))
+def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> tuple[Reduced, int, float]:
+    """The model with one core and a slope of R by B-splines, none negative; its numbers, and its squared errors."""
+    lam, h, low = points.flux_linkage, points.gap, knots[:1]
+    heights, fixed = splines(knots, h, degree=degree), splines(knots, h, -1, degree)
+    fixed = np.column_stack((lam, (fixed + low * splines(knots, low, degree=degree)) * lam[:, None]))
+    fixed, wanted = fixed / (turns**2 * scale(points.current)[:, None]), points.current / scale(points.current)
+    pull = np.zeros((0, heights.shape[1]))
     if points.force is not None:
         pull = -0.5 * (lam / turns)[:, None] ** 2 * heights / scale(points.force)[:, None]
         wanted = np.concatenate((wanted, points.force / scale(points.force)))
@@ -116,8 +117,10 @@ def fit(points: Solved, turns: float, form: str, knots: Vector) -> tuple[Reduced
     bounds = spans[max(k - 1, 0)], spans[min(k + 1, spans.size - 1)]
     at = float(minimize_scalar(lambda x: solved(x)[1], bounds=bounds, method="bounded").x)
     (core, offset, *slopes), cost = solved(at)[0].tolist(), solved(at)[1]
-    law = Law(f"{knots.size} slopes", offset, tuple(slopes), tuple(knots.tolist()))
-    return Reduced(turns=turns, law=law, form=form, core=core, saturation=float(np.exp(at))), cost
+    fine = np.linspace(knots[0], knots[-1], SLOPES)
+    law = Law("slopes", offset, tuple((splines(knots, fine, degree=degree) @ slopes).tolist()), tuple(fine.tolist()))
+    made = Reduced(turns=turns, law=law, form=form, core=core, saturation=float(np.exp(at)))
+    return made, len(slopes) + 3, cost
 
 
 class Surface(NamedTuple):
@@ -128,8 +131,7 @@ class Surface(NamedTuple):
     gap_knots: Vector  # [m]
     factors: Matrix  # (by flux linkage, by gap) [A]
     numbers: float = 0.0  # as many free ones as smoothing leaves
-    flux_error: float = 0.0  # standard deviation, relative
-    force_error: float = 0.0
+    apart: tuple[Vector, ...] = ()  # of each point, flux linkage and force from the surface of the others, relative
 
     def current(self, lam: Vector, h: Vector) -> Vector:
         """The current [A]."""
@@ -142,18 +144,19 @@ class Surface(NamedTuple):
         return np.asarray(force(self.base, lam, h) - np.einsum("nj,jk,nk->n", energy, self.factors, slope))
 
 
-def splines(knots: Vector, x: Vector, order: int = 0) -> Matrix:
-    """All cubic B-splines at some places, their derivatives (1), or their integrals from the first knot on (-1)."""
-    made = BSpline(knots, np.eye(knots.size - 4), 3)
+def splines(knots: Vector, x: Vector, order: int = 0, degree: int = 3) -> Matrix:
+    """All B-splines at some places, their derivatives (1), or their integrals from the first knot on (-1)."""
+    made = BSpline(knots, np.eye(knots.size - degree - 1), degree)
     made = made.antiderivative() if order < 0 else made.derivative(order) if order else made
     return np.asarray(made(x))
 
 
-def clamped(x: Vector, low: float, high: float, most: int) -> Vector:
+def spaced(x: Vector, low: float, high: float, most: int, degree: int = 3) -> Vector:
     """Knots from `low` to `high` with about as many values between two of them."""
     count = max(1, min(most, np.unique(np.round(x, 12)).size - 2))
     inner = np.unique(np.quantile(np.unique(x), np.linspace(0.0, 1.0, count + 1)))[1:-1]
-    return np.concatenate(([low] * 4, inner[(inner > low) & (inner < high)], [high] * 4))
+    inside = inner[(inner > low) & (inner < high)]
+    return np.concatenate(([low] * (degree + 1), inside, [high] * (degree + 1)))
 
 
 def smooth(points: Solved, base: Reduced, low: float, high: float, has_force: bool = True) -> Surface:
@@ -162,8 +165,8 @@ def smooth(points: Solved, base: Reduced, low: float, high: float, has_force: bo
     most = (PIECES[0] if not points.has_one_current else 2, PIECES[1])
     made = Surface(
         base=base,
-        flux_knots=clamped(lam, 0.0, float(lam.max()), most[0]),
-        gap_knots=clamped(h, min(low, float(h.min())), max(high, float(h.max())), most[1]),
+        flux_knots=spaced(lam, 0.0, float(lam.max()), most[0]),
+        gap_knots=spaced(h, min(low, float(h.min())), max(high, float(h.max())), most[1]),
         factors=np.zeros((0, 0)),
     )
     modelled, steep = current(base, lam, h)
@@ -184,8 +187,7 @@ def smooth(points: Solved, base: Reduced, low: float, high: float, has_force: bo
         made = made._replace(
             factors=size * found.at(found.penalty).reshape(shape),
             numbers=found.freedom(found.penalty),
-            flux_error=errors[0],
-            force_error=errors[-1],
+            apart=tuple(found.apart(*each) for each in zip(rows, left, found.weights)),
         )
         if to_map(made).is_device or found.penalty > 1e8 * found.values.max():
             return made
@@ -213,6 +215,12 @@ class Penalised(NamedTuple):
     along: Vector  # what the data say along each direction
     penalty: float  # that foretells best
     errors: list[float]  # standard deviations of each kind of data, with it
+    weights: list[float]  # of each kind, that were used
+
+    def apart(self, rows: Matrix, left: Vector, weight: float) -> Vector:
+        """What each datum is off what all others say."""
+        used = ((weight * rows @ self.directions) ** 2 / (self.values + self.penalty)).sum(axis=1)
+        return np.asarray((left - rows @ self.at(self.penalty)) / np.maximum(1.0 - used, TINY))
 
     def at(self, penalty: float) -> Vector:
         """The factors."""
@@ -230,7 +238,7 @@ def penalised(rows: list[Matrix], left: list[Vector], errors: list[float], root:
     B = solve_triangular(root, A.T, lower=True)
     values, U = eigh(B @ B.T)
     values = np.maximum(values, 0.0)
-    found = Penalised(solve_triangular(root.T, U), values, U.T @ (B @ r), 0.0, [])
+    found = Penalised(solve_triangular(root.T, U), values, U.T @ (B @ r), 0.0, [], [1.0 / e for e in errors])
 
     def foretold(penalty: float) -> float:
         shares = 1.0 / (values + penalty)
@@ -239,12 +247,11 @@ def penalised(rows: list[Matrix], left: list[Vector], errors: list[float], root:
 
     sizes = values.max() * np.geomspace(1e-9, 1e3, 49)
     best = float(sizes[int(np.argmin([foretold(size) for size in sizes]))])
-    factors = found.at(best)
-    made = []
+    found, made = found._replace(penalty=best), list[float]()
     for part, rest, error in zip(rows, left, errors):
-        used = float((((part / error) @ found.directions) ** 2 / (values + best)).sum())
-        made.append(float(np.sqrt(((part @ factors - rest) ** 2).sum() / max(rest.size - used, 1.0))))
-    return found._replace(penalty=best, errors=made)
+        used = float(((part / error @ found.directions) ** 2 / (values + best)).sum())
+        made.append(float(np.sqrt(((part @ found.at(best) - rest) ** 2).sum() / max(rest.size - used, 1.0))))
+    return found._replace(errors=made)
 
 
 class Map(NamedTuple):

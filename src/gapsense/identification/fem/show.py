@@ -31,7 +31,7 @@ from gapsense.identification.fem.model import (
 from gapsense.identification.fem.reading import Solved, neighbours
 from gapsense.identification.gap_law.laws import Vector, rows
 from gapsense.identification.least_squares import rms
-from gapsense.identification.measurements.record import Columns, to_record
+from gapsense.identification.measurements.record import Columns, Record, to_record
 from gapsense.identification.parameter_set import Entry, parameter_names, rounded, table_file, write_set, write_table
 from gapsense.identification.residual import Residual
 from gapsense.identification.scale import scaled, spans_of
@@ -44,8 +44,11 @@ from gapsense.tables import Value
 MAP_UNITS = {"gap": "m", "flux_linkage": "Wb", "current": "A"}
 LEAST = 1e-4  # of the largest slope of the gap law, so that its table rises
 ANOTHER = 0.1  # by which the force is another one than the slope of the energy
-FAR = (0.1, 0.25)  # relative errors of flux linkage and force that are a wrong point
+FAR = (0.05, 0.1)  # relative errors of flux linkage and force that are a wrong point, if they are no noise
+CHANCE = 6.0  # standard deviations that noise has not
 SHOWN = 3
+STEPS = (50e-6, 100e-6, 200e-6, 500e-6, 1e-3)  # s; sampling periods that are proposed
+WINDOW = 600  # samples until the end of a window, with which `Mhe` is done in time
 HALVES = (2000, 20_000, 100_000)  # samples of a trial with the voltage and without
 
 
@@ -148,6 +151,7 @@ def said(m: Models, left: Left) -> list[str]:
             f" {sizes(left_of(p, m.sharp))}, and at {quantity(at, 'A')} differs by up to {100.0 * share:.2g} % in the"
             f" flux linkage, at {quantity(where, 'm')}. Solve at smaller currents too."
         )
+    told.append("Eddy currents, hysteresis, friction and noise are not in a static table: `gapsense commission`.")
     if p.force is None:
         told.append("Without forces the slope of the gap law is that of the flux linkage alone. Solve for forces too.")
     return told
@@ -172,17 +176,18 @@ def half_current(m: Models) -> tuple[float, float, float]:
 
 def doubts(m: Models) -> list[str]:
     """What cannot be right in the table."""
-    p, left, told = m.points, left_of(m.points, m.surface), list[str]()
+    p, told = m.points, list[str]()
     if (share := ratio(m)) is not None and abs(share - 1.0) > ANOTHER:
         return [
             f"{p.file}: the force is {share:.2g} times the slope of the energy that the flux linkages have, 1 expected."
             " One of them belongs to a part of the device, or to other turns: give both for the same, and `--symmetry`."
         ]
-    for what, x, most in (("flux linkage", left.flux, FAR[0]), ("force", left.force, FAR[1])):
-        wrong = [] if x is None else [(float(abs(e)), k) for k, e in enumerate(x) if abs(e) > most]
+    for what, x, least in zip(("flux linkage", "force"), m.surface.apart, FAR):
+        most = max(least, CHANCE * 1.4826 * float(np.median(np.abs(x))))
+        wrong = [(float(abs(e)), k) for k, e in enumerate(x) if abs(e) > most]
         told += [
-            f"{p.file}, {p.place(k)}: the {what} is {100.0 * e:.2g} % off the smooth table through all points, less"
-            f" than {100.0 * most:g} % expected. Correct this line, or solve it again."
+            f"{p.file}, {p.place(k)}: the {what} is {100.0 * e:.2g} % off the smooth table through all others, less"
+            f" than {100.0 * most:.2g} % expected. Correct this line, or solve it again."
             for e, k in sorted(wrong, reverse=True)[:SHOWN]
         ]
     return told
@@ -257,25 +262,36 @@ def windows(m: Models, given: Mapping[str, Value], volts: float | None) -> tuple
     names = parameter_names([own("mhe")])
     known = {name: value for name, value in {**given, **values(m)}.items() if name in names}
     par: Parameters = kernel_parameters(own("mhe"), {**known, "gap.file": str(table_file(law_rows(m)))})
-    dt = float(par.sample_time)
+    at, dt = quantity(volts, "V"), float(par.sample_time)
+    if (found := trial(par, volts)) is None:
+        return {}, [
+            f"No windows for `Mhe`, for the model does not close within {quantity(HALVES[-1] * dt, 's')} at {at}."
+        ]
+    motion, landing = spans_of(*found)
+    coarser = [step for step in STEPS if step * WINDOW >= landing + motion and step > dt][:1]
+    if coarser and WINDOW * dt < landing + motion and "sample_time" not in given:
+        dt = coarser[0]
+        par = par._replace(sample_time=dt)
+        found = trial(par, volts) or found
+    error = rms(left_of(m.points, m.reduced).current)
+    tuning = scaled([found[0]], [found[1]], [Residual("trial", error, 0.0, 0.0, 0.0, {}, {})], par)
+    told = (
+        f"At {at} the reduced model moves for {quantity(motion, 's')} and lands {quantity(landing, 's')} after an edge:"
+        f" from that are windows and error of `Mhe`, with samples every {quantity(dt, 's')}."
+    )
+    return {"sample_time": dt, **tuning}, [told]
+
+
+def trial(par: Parameters, volts: float) -> tuple[Record, Trajectory] | None:
+    """A closing and an opening of the model of `Mhe`, or nothing if it does not close."""
     for half in HALVES:
         u = np.r_[np.zeros(50), np.full(half, volts), np.zeros(half)]
         i, lam, z = run(par, u.tolist()).T
         if z[half + 49] == par.stop_lower:
-            break
-    else:
-        return {}, [
-            f"At {quantity(volts, 'V')} the model does not close within {quantity(half * dt, 's')}: no windows."
-        ]
-    n = np.arange(u.size)
-    record = to_record(Columns("trial.csv", n, {"time": dt * n, "voltage": u, "current": i}))
-    model, error = Trajectory(i, lam, z), rms(left_of(m.points, m.reduced).current)
-    motion, landing = spans_of(record, model)
-    told = (
-        f"At {quantity(volts, 'V')} the reduced model lands {quantity(landing, 's')} after an edge at the latest, and"
-        f" moves for {quantity(motion, 's')}: from that are windows and error of `Mhe`."
-    )
-    return scaled([record], [model], [Residual("trial", error, 0.0, 0.0, 0.0, {}, {})], par), [told]
+            n = np.arange(u.size)
+            columns = {"time": float(par.sample_time) * n, "voltage": u, "current": i}
+            return to_record(Columns("trial.csv", n, columns)), Trajectory(i, lam, z)
+    return None
 
 
 def fem_figure(m: Models) -> Figure:
