@@ -45,10 +45,12 @@ MAP_UNITS = {"gap": "m", "flux_linkage": "Wb", "current": "A"}
 LEAST = 1e-4  # of the largest slope of the gap law, so that its table rises
 ANOTHER = 0.1  # by which the force is another one than the slope of the energy
 FAR = (0.05, 0.1)  # relative errors of flux linkage and force that are a wrong point, if they are no noise
-CHANCE = 6.0  # standard deviations that noise has not
+CHANCE = 10.0  # standard deviations that noise has not
 SHOWN = 3
 STEPS = (50e-6, 100e-6, 200e-6, 500e-6, 1e-3)  # s; sampling periods that are proposed
 WINDOW = 600  # samples until the end of a window, with which `Mhe` is done in time
+MOVING = 100  # samples of a motion, at least
+LITTLE = 0.01  # of the flux linkage, that is left when a trial ends
 HALVES = (2000, 20_000, 100_000)  # samples of a trial with the voltage and without
 
 
@@ -268,9 +270,9 @@ def windows(m: Models, given: Mapping[str, Value], volts: float | None) -> tuple
             f"No windows for `Mhe`, for the model does not close within {quantity(HALVES[-1] * dt, 's')} at {at}."
         ]
     motion, landing = spans_of(*found)
-    coarser = [step for step in STEPS if step * WINDOW >= landing + motion and step > dt][:1]
-    if coarser and WINDOW * dt < landing + motion and "sample_time" not in given:
-        dt = coarser[0]
+    steps = [step for step in STEPS if step > dt and step * MOVING <= motion]
+    if WINDOW * dt < landing + motion and steps and "sample_time" not in given:
+        dt = next((step for step in steps if WINDOW * step >= landing + motion), steps[-1])
         par = par._replace(sample_time=dt)
         found = trial(par, volts) or found
     error = rms(left_of(m.points, m.reduced).current)
@@ -287,7 +289,7 @@ def trial(par: Parameters, volts: float) -> tuple[Record, Trajectory] | None:
     for half in HALVES:
         u = np.r_[np.zeros(50), np.full(half, volts), np.zeros(half)]
         i, lam, z = run(par, u.tolist()).T
-        if z[half + 49] == par.stop_lower:
+        if z[half + 49] == par.stop_lower and lam[-1] < LITTLE * lam.max():
             n = np.arange(u.size)
             columns = {"time": float(par.sample_time) * n, "voltage": u, "current": i}
             return to_record(Columns("trial.csv", n, columns)), Trajectory(i, lam, z)
