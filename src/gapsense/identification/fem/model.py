@@ -106,11 +106,18 @@ def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> 
         wanted = np.concatenate((wanted, points.force / scale(points.force)))
     fixed = np.vstack((fixed, np.column_stack((np.zeros(len(pull)), pull))))
 
+    Q = np.linalg.qr(fixed).Q  # once: all but the column of the core stay
+
     def solved(logarithm: float) -> tuple[Vector, float]:
         column = lam * bend(lam / np.exp(logarithm), form)[0] / (turns**2 * scale(points.current))
-        columns = np.column_stack((np.append(column, np.zeros(len(pull))), fixed))
-        factors = not_negative(columns, wanted)
-        return factors, float(((columns @ factors - wanted) ** 2).sum())
+        column = np.append(column, np.zeros(len(pull)))
+        other = column - Q @ (Q.T @ column)
+        size = float(np.linalg.norm(other)) or 1.0
+        basis = np.column_stack((Q, other / size))
+        columns, values = np.column_stack((basis.T @ column, basis.T @ fixed)), basis.T @ wanted
+        factors = not_negative(columns, values)
+        beside = float(wanted @ wanted - values @ values)
+        return factors, float(((columns @ factors - values) ** 2).sum()) + max(beside, 0.0)
 
     spans = np.log(lam.max() * np.geomspace(1.0 / SATURATED, FARTHEST, 30))
     k = int(np.argmin([solved(span)[1] for span in spans]))
