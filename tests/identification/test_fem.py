@@ -178,6 +178,11 @@ def test_table_without_forces_says_what_that_means(tmp_path):
     assert found.passed and "Solve for forces too" in str(found)
 
 
+def test_few_gaps_are_no_reason_to_doubt_the_forces(tmp_path):
+    coarse = solved(gaps=GAPS[[0, 3, 7, 10]], currents=CURRENTS[4::4])
+    assert gapsense.fem(write(tmp_path / "t.csv", coarse), turns=TURNS).passed
+
+
 def test_force_that_is_not_the_slope_of_the_energy_is_doubted(tmp_path):
     found = gapsense.fem(write(tmp_path / "t.csv", {**GRID, "force": GRID["force"] / 2}), turns=TURNS)
     assert not found.passed and "0.5 times the slope of the energy" in " ".join(found.doubts)

@@ -28,6 +28,7 @@ from gapsense.identification.least_squares import rms
 FORMS = ("Froehlich", "bent")  # R_c0/(1 - x), or K x^2/(1 - x^2), at x = flux linkage over that of saturation
 SHARP, POWER = "sharp", 8.0  # K x^8, which no estimator has, to compare with
 LAWS = ((1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8))  # degree and number, of the slope of R
+LEAST = 1e-4  # of the largest slope of R, so that it rises everywhere
 FARTHEST = 30.0  # saturation, in the largest flux linkage
 SMALL = 0.05  # of the largest value: below, errors are relative to that
 PIECES = (8, 10)  # of the surface, at most, by flux linkage and by gap
@@ -105,7 +106,6 @@ def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> 
         pull = -0.5 * (lam / turns)[:, None] ** 2 * heights / scale(points.force)[:, None]
         wanted = np.concatenate((wanted, points.force / scale(points.force)))
     fixed = np.vstack((fixed, np.column_stack((np.zeros(len(pull)), pull))))
-
     Q = np.linalg.qr(fixed).Q  # once: all but the column of the core stay
 
     def solved(logarithm: float) -> tuple[Vector, float]:
@@ -125,7 +125,8 @@ def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> 
     at = float(minimize_scalar(lambda x: solved(x)[1], bounds=bounds, method="bounded").x)
     (core, offset, *slopes), cost = solved(at)[0].tolist(), solved(at)[1]
     fine = np.linspace(knots[0], knots[-1], SLOPES)
-    law = Law("slopes", offset, tuple((splines(knots, fine, degree=degree) @ slopes).tolist()), tuple(fine.tolist()))
+    rise = splines(knots, fine, degree=degree) @ slopes
+    law = Law("slopes", offset, tuple(np.maximum(rise, LEAST * rise.max()).tolist()), tuple(fine.tolist()))
     made = Reduced(turns=turns, law=law, form=form, core=core, saturation=float(np.exp(at)))
     return made, len(slopes) + 3, cost
 

@@ -42,8 +42,8 @@ from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
 MAP_UNITS = {"gap": "m", "flux_linkage": "Wb", "current": "A"}
-LEAST = 1e-4  # of the largest slope of the gap law, so that its table rises
 ANOTHER = 0.1  # by which the force is another one than the slope of the energy
+SPREADS = 3.0  # deviations of the points that are none
 FAR = (0.05, 0.1)  # relative errors of flux linkage and force that are a wrong point, if they are no noise
 CHANCE = 10.0  # standard deviations that noise has not
 SHOWN = 3
@@ -80,13 +80,15 @@ def make_models(points: Solved, turns: float, low: float, high: float) -> Models
     )
 
 
-def ratio(m: Models) -> float | None:
-    """The force over the slope of the energy of the flux linkages alone: the middle of all points that have any."""
+def ratio(m: Models) -> tuple[float, float] | None:
+    """The force over the slope of the energy of the flux linkages alone: middle of the points, and their deviation."""
     if m.alone is None or m.points.force is None:
         return None
     F = m.alone.force(m.points.flux_linkage, m.points.gap)
     large = np.abs(F) > 0.05 * np.abs(F).max()
-    return float(np.median(m.points.force[large] / F[large]))
+    shares = m.points.force[large] / F[large]
+    middle = float(np.median(shares))
+    return middle, 1.4826 * float(np.median(np.abs(shares - middle)))
 
 
 def fem_tables(m: Models) -> list[Table | str]:
@@ -116,7 +118,7 @@ def must_hold(m: Models) -> Table:
     left = None if m.alone is None else left_of(p, m.alone).force
     if left is not None and (share := ratio(m)) is not None:
         k = int(np.abs(left).argmax())
-        found = f"{share:.3f} of it, RMS {100.0 * rms(left):.2g} %"
+        found = f"{share[0]:.3f} of it, RMS {100.0 * rms(left):.2g} %"
         made.append(("force is the slope of energy", found, f"{100.0 * abs(left[k]):.2g} %", p.place(k)))
     elif p.force is not None:
         made.append(("force is the slope of energy", "not told by one current"))
@@ -179,11 +181,17 @@ def half_current(m: Models) -> tuple[float, float, float]:
 def doubts(m: Models) -> list[str]:
     """What cannot be right in the table."""
     p, told = m.points, list[str]()
-    if (share := ratio(m)) is not None and abs(share - 1.0) > ANOTHER:
+    share, spread = ratio(m) or (1.0, 0.0)
+    if abs(share - 1.0) > max(ANOTHER, SPREADS * spread):
         return [
             f"{p.file}: the force is {share:.2g} times the slope of the energy that the flux linkages have, 1 expected."
             " One of them belongs to a part of the device, or to other turns: give both for the same, and `--symmetry`."
         ]
+    if not m.map.is_device:
+        told.append(
+            f"{p.file}: no smooth table through these points has a flux linkage that rises with the current and falls"
+            " with the gap everywhere. Look at the worst points above, and do not use the table."
+        )
     for what, x, least in zip(("flux linkage", "force"), m.surface.apart, FAR):
         most = max(least, CHANCE * 1.4826 * float(np.median(np.abs(x))))
         wrong = [(float(abs(e)), k) for k, e in enumerate(x) if abs(e) > most]
@@ -206,9 +214,7 @@ def values(m: Models) -> dict[str, Value]:
 def law_rows(m: Models) -> dict[str, Vector]:
     """The gap law of the estimators as a table; what is left without gap is the core's, if that has no other part."""
     law = m.reduced.law
-    slopes = tuple(max(slope, LEAST * max(law.numbers)) for slope in law.numbers)
-    offset = 0.0 if m.reduced.form == "bent" else law.offset
-    return rows(law._replace(numbers=slopes, offset=offset), float(m.map.gap[-1]))
+    return rows(law._replace(offset=0.0 if m.reduced.form == "bent" else law.offset), float(m.map.gap[-1]))
 
 
 def write_fem(
