@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from gapsense.components import Semera as Semera
     from gapsense.components import Sensor as Sensor
     from gapsense.components import SolenoidValve as SolenoidValve
+    from gapsense.components import TableActuator as TableActuator
     from gapsense.cosim.check import check as check
     from gapsense.cosim.result.result import Result as Result
     from gapsense.cosim.result.result import read_result as read_result
@@ -72,6 +73,7 @@ __all__ = [
     "Semera",
     "Sensor",
     "SolenoidValve",
+    "TableActuator",
     "campaign",
     "check",
     "check_study",

@@ -1,6 +1,6 @@
 """The table that `fmus/table_actuator/map.csv` holds: the reluctance actuator of [RTS] without losses.
 
-    python tests/actuators/static_table.py     writes it again
+python tests/actuators/static_table.py     writes it again
 """
 
 from __future__ import annotations

@@ -45,8 +45,8 @@ class Parameters(NamedTuple):
     coil_resistance: Scalar = KNOWN
     coil_turns: Scalar = KNOWN
     map_file_gap: Annotated[Array, Table()] = table(
-        "CSV file with the columns gap [m], flux_linkage [Wb], current [A]: for each gap, from the smallest on, the static"
-        " current at the same flux linkages, from 0 on",
+        "CSV file with the columns gap [m], flux_linkage [Wb], current [A]: for each gap, from the smallest on, the"
+        " static current at the same flux linkages, from 0 on",
         (
             "gap [m]",
             "axis:flux_linkage [Wb]",
@@ -84,7 +84,7 @@ class Parameters(NamedTuple):
     spring_rest: Scalar = KNOWN
     spring_preload: Scalar = parameter("N", "Constant force besides the spring; positive: it opens the gap", 0.0)
     spring_file_gap: Annotated[Array, Table()] = table(
-        "Table: CSV file with the columns gap [m], force [N], positive where it opens the gap; straight between the rows",
+        "Table: CSV file with the columns gap [m], force [N], positive: it opens the gap; straight between the rows",
         ("rising:gap [m]", "force [N]", "integral:force"),
         "spring.csv",
     )
@@ -149,8 +149,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux inside the stops, before any voltage; held, or about to be driven away."""
     dev = device(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
-    mode = motion.resting_mode(h, dev.act.mover)
-    at = Continuous(flux=0.0, field=0.0, calm_field=0.0, position=table_steps.sunk(dev, mode, h), velocity=0.0)
+    mode, depth = table_steps.sunk(dev, motion.resting_mode(h, dev.act.mover), h)
+    at = Continuous(flux=0.0, field=0.0, calm_field=0.0, position=h + (mode - MOVING) * depth, velocity=0.0)
     contact = table_steps.settled(dev, at, Contact(mode, sliding=0.0, stop=mode, impact=0.0))
     state = State(at, contact, heat=0.0, eddy_energy=0.0, wall_work=0.0, supplied_energy=0.0)
     return state, _outputs(state, dev)

@@ -239,11 +239,11 @@ def _stop_forces(dev: Device, mode: Scalar, at: Continuous) -> tuple[Scalar, Sca
     return -outward * elastic, -outward * elastic * where(more > 0.0, more, 0.0)
 
 
-def sunk(dev: Device, mode: Scalar, h: Scalar) -> Scalar:
-    """Where a mover rests that lies on a stop: an elastic one gives way to what presses it [m]."""
-    outward = mode - MOVING
-    load = outward * push(dev, h)
-    return h + where(dev.is_elastic & (load > 0.0), outward * load / where(dev.is_elastic, dev.stiffness, 1.0), 0.0)
+def sunk(dev: Device, mode: Scalar, h: Scalar) -> tuple[Scalar, Scalar]:
+    """Mode of a mover that is laid on a stop, and how far an elastic one gives way to what presses it [m]."""
+    load = (mode - MOVING) * push(dev, h)
+    depth = where(dev.is_elastic & (load > 0.0), load / where(dev.is_elastic, dev.stiffness, 1.0), 0.0)
+    return where(dev.is_elastic & (depth == 0.0), MOVING, mode), depth
 
 
 def mechanical_energy(dev: Device, mode: Scalar, at: Continuous) -> Scalar:

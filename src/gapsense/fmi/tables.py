@@ -25,10 +25,10 @@ def read_table(name: str | Path, columns: tuple[str, ...], folder: str | Path = 
     """Columns of a CSV file with a header, looked for in the folder first; the first must not decrease.
 
     `rising:y` is a column `y` that must increase from row to row, `integral:y` is the integral of `y` over the first
-    column, `spline:y` the second derivative of its cubic spline; `GRID` is what `_grid` makes of three columns.  `y [V]`
-    says its unit, which the header of the file may leave out; another unit is refused, nothing is converted.  A
-    ValueError has all problems of the file: missing columns, cells without a finite number, too few rows, rows out of
-    order.
+    column, `spline:y` the second derivative of its cubic spline; `GRID` is what `_grid` makes of three columns.
+    `y [V]` says its unit, which the header of the file may leave out; another unit is refused, nothing is converted.
+    A ValueError has all problems of the file: missing columns, cells without a finite number, too few rows, rows out
+    of order.
     """
     if Path(name).suffix.lower() != ".csv":  # what others hold is nobody's business: messages tell cells and headers
         raise ValueError(say("no_csv_name", name, ", ".join(heads(columns))))
@@ -153,7 +153,8 @@ def fewest_rows(columns: tuple[str, ...]) -> int:
 def _unevenness(data: dict[str, list[float]], lines: list[int]) -> list[str]:
     """Rows of a grid that do not fit its first block; rows of a block that do not rise from zero."""
     (x, xs), (y, ys), (z, zs) = data.items()
-    faults, width = [], xs.count(xs[0]) if xs else 1
+    faults: list[str] = []
+    width = xs.count(xs[0]) if xs else 1
     for k, n in enumerate(lines):
         j = k % width
         if k >= width and (ys[k] != ys[j] or (xs[k] == xs[k - 1]) != (j > 0)):
