@@ -117,6 +117,13 @@ def test_lifting_magnet_of_others_from_its_inductances_and_forces():
     assert values.items() <= found.parameters.items()
 
 
+def test_column_that_is_named_counts_before_others():
+    given = Given(957.0, 1.2)
+    usual, named = (read_solved(MAGNET, Reading(names), given) for names in ({}, {"flux": "armature_flux"}))
+    assert usual.flux_linkage[0] == pytest.approx(1.2 * 0.11954) and "`armature_flux`" in " ".join(usual.remarks)
+    assert named.flux_linkage[0] == pytest.approx(957.0 * 1.4821e-4) and "`inductance`" in " ".join(named.remarks)
+
+
 SAME = {
     "heads of COMSOL": lambda t, f: f.write_text(
         "% Model,x.mph\n% gap (mm),I0 (A),mf.linkage (mWb),mf.Forcez (N)\n" + "\n".join(rows(t)), encoding="utf-8"

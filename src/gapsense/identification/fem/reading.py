@@ -56,7 +56,7 @@ NEEDED = {  # and what else than a column serves
     "current": ", or give that of all rows: `--current 1.2`",
     "flux_linkage": ", or `inductance [mH]`, or `flux [Wb]` of one turn; `--column flux_linkage=NAME` names it",
 }
-LINKS = ("flux_linkage", "inductance", "flux")  # any of them gives the flux linkage, the first that is there
+LINKS = ("flux_linkage", "inductance", "flux")  # any of them gives the flux linkage: the one named, or the first
 
 
 class Given(NamedTuple):
@@ -179,7 +179,7 @@ def choose(sheet: Sheet, named: Mapping[str, str], given: Given, problems: list[
             told.add("flux_linkage" if name in LINKS else name)
         elif fits:
             found[name] = (fits[0][0], fits[0][2])
-    links = [name for name in LINKS if name in found]
+    links = sorted((name for name in LINKS if name in found), key=lambda name: name not in named)
     missing = {"position": not found.get("position"), "current": not found.get("current") and given.current is None}
     for name, more in NEEDED.items():
         if missing.get(name, not links) and name not in told:
