@@ -192,23 +192,20 @@ def _rates(dev: Device, patch: Patch, walls: Scalar, contact: Contact, at: Conti
     """Rates of all states, and what is lost."""
     act, mover, v = dev.act, dev.act.mover, at.velocity
     magnet, core = magnet_at(dev, patch, at), _core(dev, at)
-    rates, losses, _ = magnetic_rates(act, walls, _electric(dev, magnet, core))
+    magnetic, losses, _ = magnetic_rates(act, walls, _electric(dev, magnet, core))
     elastic, stop = _stop_forces(dev, contact.mode, at)
     drag = mover.damping * v + dev.friction * contact.sliding
     acceleration = (magnet.force + push(dev, at.position) + stop - drag) / mover.mass
     is_moving = contact.sliding != 0.0
-    rates = Continuous(
-        flux=rates.flux,
-        field=where(act.core.is_hysteretic, rates.H_e, 0.0),
-        calm_field=where(
-            act.core.is_hysteretic,
-            hysteresis.field_rate(rates.flux, act.core.slope * core.calm_steepness, act.core),
-            0.0,
-        ),
+    calm_rate = hysteresis.field_rate(magnetic.flux, act.core.slope * core.calm_steepness, act.core)
+    change = Continuous(
+        flux=magnetic.flux,
+        field=where(act.core.is_hysteretic, magnetic.H_e, 0.0),
+        calm_field=where(act.core.is_hysteretic, calm_rate, 0.0),
         position=where(is_moving, v, 0.0),
         velocity=where(is_moving, acceleration, 0.0),
     )
-    return rates, losses._replace(heat=losses.heat + where(is_moving, (drag - stop + elastic) * v, 0.0))
+    return change, losses._replace(heat=losses.heat + where(is_moving, (drag - stop + elastic) * v, 0.0))
 
 
 def push(dev: Device, h: Scalar) -> Scalar:
