@@ -3111,3 +3111,196 @@ class SolenoidValve(Runnable):
         sample_time: float | None = ...,
     ) -> SolenoidValveOutputs: ...
 
+
+class TableActuatorOutputs(NamedTuple):
+    current: float
+    position: float
+    velocity: float
+    flux_linkage: float
+    inductance: float
+    force: float
+    spring_force: float
+    mode: float
+    contact: float
+    dissipated_energy: float
+    eddy_energy: float
+    hysteresis_energy: float
+    stored_energy: float
+    supplied_energy: float
+    impact_speed: float
+
+class TableActuatorResponse(Response):
+    current: Floats
+    position: Floats
+    velocity: Floats
+    flux_linkage: Floats
+    inductance: Floats
+    force: Floats
+    spring_force: Floats
+    mode: Floats
+    contact: Floats
+    dissipated_energy: Floats
+    eddy_energy: Floats
+    hysteresis_energy: Floats
+    stored_energy: Floats
+    supplied_energy: Floats
+    impact_speed: Floats
+
+class TableActuator(Runnable):
+    """
+    Actuator from a table of current over gap and flux linkage, with eddy currents, hysteresis and stops.
+
+    Parameters
+    ----------
+    coil_resistance : float [Ohm], at least 1e-09, by default 48.0
+        Resistance R.
+    coil_turns : float, at least 1e-09, by default 1200.0
+        Number of turns N.
+    map_file : str, by default 'map.csv'
+        CSV file with the columns gap [m], flux_linkage [Wb], current [A]: for each gap, from the smallest on, the static current at the same flux linkages, from 0 on.
+    eddy_currents : bool, by default True
+        Eddy currents in the core.
+    core_eddy_conductance : float [S], at least 0, by default 1630.0
+        Eddy current per rate of flux, k_eddy.
+    hysteresis : bool, by default False
+        Hysteresis of the core, besides the table, which has none.
+    core_length : float [m], at least 1e-09, by default 0.055
+        Length of the flux path l_c.
+    core_area : float [m2], at least 1e-12, by default 1.26e-05
+        Cross section A_c.
+    core_magnetization : float [A/m], at least 1, by default 1450000.0
+        Saturation magnetization M_sat.
+    core_shape : float [A/m], at least 0.001, by default 1949.6
+        Shape of the anhysteretic curve a = b/mu0.
+    core_coupling : float, 0 to 0.9, by default 0.00366
+        Coupling of the domains alpha.
+    core_pinning : float [A/m], at least 0.001, by default 942.0
+        Pinning of the walls kappa.
+    core_reversibility : float, 0 to 0.999, by default 0.736
+        Reversible share of the magnetization c.
+    mover_mass : float [kg], at least 1e-09, by default 0.0016
+        Mass of the mover m.
+    mover_load : float [kg], at least 0, by default 0.0
+        Mass of the load that moves with it.
+    gravity : float [m/s2], by default 0.0
+        Acceleration of gravity along the gap; positive: it opens the gap.
+    spring_law : str, one of linear, table, by default 'linear'
+        Force of the spring: linear, table.
+    spring_stiffness : float [N/m], at least 0, by default 61.8
+        Stiffness k_sp.
+    spring_rest : float [m], by default 0.0192
+        Gap without spring force, z_sp.
+    spring_preload : float [N], by default 0.0
+        Constant force besides the spring; positive: it opens the gap.
+    spring_file : str, by default 'spring.csv'
+        Table: CSV file with the columns gap [m], force [N], positive: it opens the gap; straight between the rows.
+    damping : float [N.s/m], at least 0, by default 0.8
+        Viscous damping c_f.
+    friction : float [N], at least 0, by default 0.0
+        Dry friction; what is less holds the mover, wherever it is.
+    stop_lower : float [m], at least 0, by default 0.0004
+        Smallest gap z_min.
+    stop_upper : float [m], at least 1e-09, by default 0.0014
+        Largest gap z_max.
+    stop_law : str, one of hard, elastic, by default 'hard'
+        Stops: hard, elastic.
+    stop_restitution : float, 0 to 0.95, by default 0.0
+        Hard: speed after an impact over that before it.
+    stop_stiffness : float [N/m], at least 0.001, by default 1000000.0
+        Elastic: force by depth.
+    stop_damping : float [s/m], at least 0, by default 0.5
+        Elastic: share by which it is larger, by speed inwards.
+    initial_position : float [m], at least 0, by default 0.0014
+        Gap at the start.
+    micro_step : float [s], at least 1e-07, by default 1e-05
+        Longest step of the integrator.
+
+    Inputs of run and step
+    ----------------------
+    voltage : float [V]
+        Coil voltage, held during the step.
+
+    Outputs
+    -------
+    current : float [A]
+        Coil current; at a jump of the voltage, that before it.
+    position : float [m]
+        Gap: the smallest is closed.
+    velocity : float [m/s]
+        Rate of the gap.
+    flux_linkage : float [Wb]
+        Flux linkage.
+    inductance : float [H]
+        Flux linkage / static current, of the table.
+    force : float [N]
+        Magnetic force; negative: it closes the gap.
+    spring_force : float [N]
+        Force of spring, preload and gravity; positive: it opens the gap.
+    mode : float, 1 to 3
+        1: at the lower stop, 2: moving, 3: at the upper stop.
+    contact : float, 0 to 1
+        1 on a stop, else 0.
+    dissipated_energy : float [J]
+        Lost in coil, core, damping, friction and impacts since the start.
+    eddy_energy : float [J]
+        Part of it lost to eddy currents.
+    hysteresis_energy : float [J]
+        Part of it lost to hysteresis.
+    stored_energy : float [J]
+        Magnetic, elastic, kinetic energy, and that of height.
+    supplied_energy : float [J]
+        Integral of voltage times current since the start.
+    impact_speed : float [m/s]
+        Hardest impact on the stop since the mover came to it.
+    """
+
+    def __init__(
+        self,
+        *,
+        coil_resistance: float = ...,
+        coil_turns: float = ...,
+        map_file: str = ...,
+        eddy_currents: bool = ...,
+        core_eddy_conductance: float = ...,
+        hysteresis: bool = ...,
+        core_length: float = ...,
+        core_area: float = ...,
+        core_magnetization: float = ...,
+        core_shape: float = ...,
+        core_coupling: float = ...,
+        core_pinning: float = ...,
+        core_reversibility: float = ...,
+        mover_mass: float = ...,
+        mover_load: float = ...,
+        gravity: float = ...,
+        spring_law: str = ...,
+        spring_stiffness: float = ...,
+        spring_rest: float = ...,
+        spring_preload: float = ...,
+        spring_file: str = ...,
+        damping: float = ...,
+        friction: float = ...,
+        stop_lower: float = ...,
+        stop_upper: float = ...,
+        stop_law: str = ...,
+        stop_restitution: float = ...,
+        stop_stiffness: float = ...,
+        stop_damping: float = ...,
+        initial_position: float = ...,
+        micro_step: float = ...,
+    ) -> None: ...
+    def run(  # type: ignore[override]
+        self,
+        voltage: npt.ArrayLike,
+        *,
+        sample_time: float | None = ...,
+        start_time: float = ...,
+        outputs: Iterable[str] = ...,
+    ) -> TableActuatorResponse: ...
+    def step(  # type: ignore[override]
+        self,
+        voltage: float,
+        *,
+        sample_time: float | None = ...,
+    ) -> TableActuatorOutputs: ...
+

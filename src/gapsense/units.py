@@ -31,6 +31,7 @@ UNITS = {
     "m2": Unit(m=2, display=DisplayUnit("mm2", 1e6)),
     "m/s": Unit(m=1, s=-1),
     "m/s2": Unit(m=1, s=-2),
+    "s/m": Unit(m=-1, s=1),
     "kg": Unit(kg=1, display=DisplayUnit("g", 1e3)),
     "N": Unit(kg=1, m=1, s=-2),
     "N/m": Unit(kg=1, s=-2),

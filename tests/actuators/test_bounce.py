@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense.actuators import motion, play_actuator, pot_magnet, reluctance_actuator, solenoid_valve
+from gapsense.actuators import motion, play_actuator, pot_magnet, reluctance_actuator, solenoid_valve, table_actuator
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 
@@ -13,6 +13,7 @@ PLANTS = {
     "solenoid_valve": (solenoid_valve, 30.0, 20e-3),
     "reluctance_actuator": (reluctance_actuator, 30.0, 20e-3),
     "play_actuator": (play_actuator, 30.0, 20e-3),
+    "table_actuator": (table_actuator, 30.0, 20e-3),
     "pot_magnet": (pot_magnet, 12.0, 120e-3),
 }
 KERNELS = {name: Kernel(module) for name, (module, _, _) in PLANTS.items()}

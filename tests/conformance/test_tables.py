@@ -43,15 +43,20 @@ def tables(component: Component) -> list[Port]:
 
 
 def written(folder: Path, name: str, port: Port, content: str) -> str:
-    """A file for a table; all its columns rise."""
+    """A file for a table; all its columns rise, those of a grid in blocks."""
     names = heads(port.columns)
     lines = {str(k): ",".join(str(k * (j + 1.5)) for j in range(len(names))) for k in range(5)}
+    if is_grid := any(column.startswith("axis:") for column in port.columns):
+        lines = {k: "\n".join(f"{k}e-3,{j},{j * (1 + j)}" for j in range(3)) for k in lines}
     odd = {word: ",".join(["2", *[word] * (len(names) - 1)]) for word in ("nan", "text", "\u0665")}
     odd["digits"] = odd.pop("\u0665")
     head, milli = ",".join(names), ",".join(f"{n.partition(' [')[0]} [milli]" for n in names)
     quoted, rest = ",".join(f'"{n}"' for n in names), ",".join(str(2 * (j + 1.5)) for j in range(1, len(names)))
+    rest = lines["2"] if is_grid else rest
     for key, text in {**lines, **odd, "head": head, "milli": milli, "quoted": quoted, "rest": rest}.items():
         content = content.replace(f"{{{key}}}", text)
+    if is_grid:
+        content = content.replace('"3.0",', "")
     path = folder / f"{name} für 100 %s.csv"
     path.write_bytes(content.encode("utf-8", "surrogateescape"))
     return str(path)

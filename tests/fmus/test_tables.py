@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from gapsense.fmi import tables as fmi_tables
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import _columns, column_name, heads, read_table
@@ -74,7 +75,10 @@ def test_head_that_a_page_tells_is_taken(file: Path, component: Component, port:
     wanted = heads(port.columns)
     told = "table like table.file" if port.name == "soft_landing.file" else f"the columns {', '.join(wanted)}"
     assert told in port.description
+    is_grid = any(column.startswith("axis:") for column in port.columns)
     rows = [",".join([str(k)] * len(wanted)) for k in range(4)]
+    if is_grid:
+        rows = [f"{k},{j},{j}" for k in range(4) for j in range(3)]
     file.write_text("\n".join([",".join(wanted), *rows]) + "\n")
     assert len(read_table(file, port.columns)) == len(port.columns)
 
@@ -87,6 +91,52 @@ def test_spaces_blank_lines_and_byte_order_mark_do_no_harm(file: Path) -> None:
 def test_repeated_value_of_the_first_column_is_a_jump(file: Path) -> None:
     file.write_text("time,voltage\n0,0\n1,0\n1,5\n2,5\n")
     assert read_table(file, COLUMNS) == [[0.0, 1.0, 1.0, 2.0], [0.0, 0.0, 5.0, 5.0]]
+
+
+GRID = ("gap [m]", "axis:flux [Wb]", "current [A]", *(f"{kind}:current" for kind in fmi_tables.GRID[1:]))
+BLOCK = "{0},0,0\n{0},1,1\n{0},2,4\n"
+BLOCKS = [BLOCK.replace("{0}", str(k)) for k in range(5)]
+HEAD = "gap,flux,current\n"
+
+
+def test_grid_is_the_tensor_spline_of_scipy(file: Path) -> None:
+    rng = np.random.default_rng(5)
+    x, y = np.r_[0.1, 0.1 + np.cumsum(rng.uniform(0.1, 1.0, 5))], np.r_[0.0, np.cumsum(rng.uniform(0.1, 1.0, 6))]
+    z = np.hstack([np.zeros((6, 1)), np.cumsum(rng.uniform(0.1, 1.0, (6, 6)), axis=1)])
+    rows = [f"{a},{b},{c}" for a, line in zip(x.tolist(), z.tolist()) for b, c in zip(y.tolist(), line)]
+    file.write_text(HEAD + "\n".join(rows))
+    _, axis, values, *made = read_table(file, GRID)
+    assert axis == [*y, *[y[-1]] * (len(rows) - len(y))] and values == [*z.ravel()]
+    spline = CubicSpline([*-y[:0:-1], *y], np.hstack([-z[:, :0:-1], z]), axis=1)
+    energy = np.array([spline.integrate(0.0, b) for b in y]).T
+    expected = [spline(y, 2), energy, *(CubicSpline(x, part)(x, 2) for part in (z, spline(y, 2), energy))]
+    for found, other in zip(made, expected):
+        np.testing.assert_allclose(np.reshape(found, z.shape), other, atol=1e-11 * np.abs(other).max())
+
+
+@pytest.mark.parametrize(
+    ("blocks", "told"),
+    [
+        (
+            [*BLOCKS[:3], BLOCKS[3][:-6]],
+            "row 12: every `gap` needs the same rows of `flux` as the first, and no others",
+        ),
+        ([*BLOCKS[:2], BLOCKS[3].replace("2,4", "2.5,4"), BLOCKS[4]], "row 10: every `gap` needs the same rows"),
+        ([*BLOCKS[:2], BLOCKS[1], BLOCKS[3]], "row 8: every `gap` needs the same rows"),
+        ([BLOCKS[1], BLOCKS[0], *BLOCKS[2:]], "row 5: `gap` decreases from 1 to 0"),
+        (
+            [BLOCK.replace("{0},0,0", f"{k},0,0.5").replace("{0}", str(k)) for k in range(4)],
+            "begin at 0 at every `gap`",
+        ),
+        ([*BLOCKS[:3], BLOCKS[3].replace("2,4", "2,1")], "row 13: `current` does not rise from 1 to 1"),
+        ([BLOCK.replace("2,4", "1,4").replace("{0}", str(k)) for k in range(4)], "row 4: `flux` does not rise"),
+        (BLOCKS[:3], "9 rows, but at least 12 with different `gap` are needed"),
+        ([f"{k},0,0\n{k},1,1\n" for k in range(6)], "12 rows, 2 for each `gap`, but at least 4 times 3 are needed"),
+        ([f"{k}{row[1:]}\n" for k in range(3) for row in (BLOCKS[0] + "0,3,5").split()], "12 rows, 4 for each `gap`"),
+    ],
+)
+def test_grid_that_is_none_is_refused(file: Path, blocks: list[str], told: str) -> None:
+    assert told in refused(file, HEAD + "".join(blocks), GRID)
 
 
 def test_integral_is_that_of_straight_lines(file: Path) -> None:

@@ -22,6 +22,7 @@ from gapsense.fmi.tables import read_table
 
 DRIVE = ROOT / "fmus" / "drive_voltage"  # has an integral
 ACTUATOR = ROOT / "fmus" / "reluctance_actuator"  # has a spline
+MAP = ROOT / "fmus" / "table_actuator"  # has a grid
 EDGES = (0.0, -0.0, 1.0, 1e16, 1e15, 123456789012345680.0, 1e-4, 1e-5, 5e-324, 2**-44, 2.0**60, 9007199254740993.0,
          1.7976931348623157e308, 0.1, 1 / 3, math.nan, math.inf, -math.inf, 100.0, 0.00012345, 999999.5, 1e22,
          1e23)  # fmt: skip
@@ -154,6 +155,26 @@ def test_tables_of_anything_are_those_of_python(tables: tuple[Core, Component, i
         head = ",".join(heads) + rng.choice(("\n", "\r\n", ",", '"')) if rng.random() < 0.8 else ""
         file.write_bytes((head + body).encode())
         assert core.tables(reference, file) == judged(component, core.folder, port.name, file), head + body
+
+
+def test_grids_are_those_of_python(tmp_path_factory: pytest.TempPathFactory, tmp_path: Path) -> None:
+    """Of random size and numbers, and with one cell, one row or one column made wrong."""
+    core, component, rng = Core(MAP, tmp_path_factory.mktemp(MAP.name)), load_component(MAP), random.Random(3)
+    reference = next(k for k, port in enumerate(component.ports) if port.columns)
+    file, good, bad = tmp_path / "grid.csv", 0, 0
+    for _ in range(200):
+        x, y = (sorted(rng.sample(range(1, 60), rng.randrange(3, 9))) for _ in range(2))
+        rows = [[a / 7e4, b / 3e3, b * (b + rng.random())] for a in x for b in (0, *y)]
+        if rng.random() < 0.6:
+            k = rng.randrange(len(rows))
+            rows[k][rng.randrange(3)] = rng.choice((0.0, -1.0, 1.0, math.nan, rows[k - 1][0], rows[k - 1][2]))
+        if rng.random() < 0.2:
+            del rows[rng.randrange(len(rows))]
+        file.write_text("\n".join(["gap,flux_linkage,current", *(",".join(map(repr, row)) for row in rows)]))
+        expected = judged(component, core.folder, component.ports[reference].name, file)
+        assert core.tables(reference, file) == expected
+        good, bad = good + isinstance(expected, list), bad + isinstance(expected, str)
+    assert good > 30 and bad > 60
 
 
 def test_missing_files_and_files_of_another_kind_are_not_read(core: Core, tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ where the domain walls of the core start or stop to move.  The voltage is held d
 from __future__ import annotations
 
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core, make_core
 from gapsense.actuators.magnetics import Gap, SmoothGap
-from gapsense.actuators.motion import MOVING, Contact
+from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.kernels.integrate import equal_parts
 from gapsense.kernels.interface import COLUMN, choice, fixed, input_, option, output, parameter, ports, table
@@ -168,7 +168,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
     """Constants of a communication step."""
-    micro_step, core = equal_parts(inputs.dt, par.micro_step), _core(par)
+    return actuator_of(inputs, par, _gap(par), core_of(par, par.saturation > 0.5), motion.mover_of(par, par.friction))
+
+
+def actuator_of(inputs: Any, par: Any, gap: Any, core: Core, mover: Mover) -> Actuator:
+    """Constants of a communication step of a plant whose parameters have these names."""
+    micro_step = equal_parts(inputs.dt, par.micro_step)
     eddy = where(par.eddy_currents > 0.5, par.core_eddy_conductance, 0.0)
     total = square(par.coil_turns) + par.coil_resistance * eddy
     finest = where(core.is_hysteretic & (par.core_pinning < core.shape), par.core_pinning, core.shape)
@@ -179,9 +184,9 @@ def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
         eddy=eddy,
         per_mmf=par.coil_turns / total,
         bias=eddy / total * inputs.voltage,
-        gap=_gap(par),
+        gap=gap,
         core=core,
-        mover=motion.mover_of(par, par.friction),
+        mover=mover,
         micro_step=micro_step,
         flux_need=par.coil_resistance / total / FLUX_FINENESS,
         field_need=1.0 / (FIELD_FINENESS * finest),
@@ -204,7 +209,8 @@ def _gap(par: Parameters) -> SmoothGap:
     )
 
 
-def _core(par: Parameters) -> Core:
+def core_of(par: Any, is_saturable: Scalar = True) -> Core:
+    """The core of a plant whose parameters have these names."""
     return make_core(
         length=par.core_length,
         area=par.core_area,
@@ -214,7 +220,7 @@ def _core(par: Parameters) -> Core:
         pinning=par.core_pinning,
         reversible=par.core_reversibility,
         is_hysteretic=par.hysteresis > 0.5,
-        is_saturable=par.saturation > 0.5,
+        is_saturable=is_saturable,
     )
 
 

@@ -125,13 +125,17 @@ def circuit_at(act: Actuator, gap: Gap, flux: Scalar, H_e: Scalar) -> Circuit:
 
 
 def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> Electric:
-    """Current by (7), rate of the flux by (8)."""
     core = act.core
     M = hysteresis.magnetization(flux, H_e, core)
     mmf = reluctance * flux + (H_e - core.coupling * M) * core.length
-    i = act.per_mmf * mmf + act.bias
     M_an, steepness = hysteresis.anhysteretic(H_e, core)
-    return Electric(i, (act.voltage - act.resistance * i) / act.turns, M_an - M, steepness)
+    return driven(act, mmf, M_an - M, steepness)
+
+
+def driven(act: Actuator, mmf: Scalar, excess: Scalar, steepness: Scalar) -> Electric:
+    """Current by (7) and rate of the flux by (8), from the static magnetomotive force [A]."""
+    i = act.per_mmf * mmf + act.bias
+    return Electric(i, (act.voltage - act.resistance * i) / act.turns, excess, steepness)
 
 
 def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scalar:
@@ -139,7 +143,11 @@ def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scal
     chi = hysteresis.susceptibility(circuit.electric.excess, circuit.electric.steepness, walls, act.core)
     reluctance = circuit.gap.reluctance + hysteresis.differential_reluctance(chi, act.core)
     field_rate = hysteresis.field_rate(circuit.electric.flux_rate, chi, act.core)
-    need = act.flux_need * reluctance + act.field_need * fabs(field_rate)  # steps per second
+    return limited(act, dt, act.flux_need * reluctance + act.field_need * fabs(field_rate))
+
+
+def limited(act: Actuator, dt: Scalar, need: Scalar) -> Scalar:
+    """Step `dt`, or less where more steps per second are needed."""
 
     def shortened() -> Scalar:
         fine, finest = 1.0 / need, act.micro_step / REFINEMENT
@@ -149,7 +157,7 @@ def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scal
     return cond(need * dt > 1.0, shortened, lambda: dt)
 
 
-def _magnetic_rates(act: Actuator, walls: Scalar, electric: Electric) -> tuple[Resting, Losses, Electric]:
+def magnetic_rates(act: Actuator, walls: Scalar, electric: Electric) -> tuple[Resting, Losses, Electric]:
     """Rates of flux (8) and effective field (10); losses; and what a switch of the walls shows in."""
     i, rate, excess, steepness = electric
     field_rate = hysteresis.field_rate(rate, hysteresis.susceptibility(excess, steepness, walls, act.core), act.core)
@@ -163,8 +171,8 @@ def _moving_rates(act: Actuator, law: LocalGap, walls: Scalar, y: Moving) -> tup
 
 
 def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tuple[Moving, Losses, Electric]:
-    """As `_magnetic_rates`, with velocity and acceleration (11), and with what drag loses."""
-    rates, losses, watched = _magnetic_rates(act, walls, circuit.electric)
+    """As `magnetic_rates`, with velocity and acceleration (11), and with what drag loses."""
+    rates, losses, watched = magnetic_rates(act, walls, circuit.electric)
     drag = motion.drag(y.v, act.mover)
     net_force = magnetics.flux_force(y.flux, circuit.gap.slope) + motion.spring_force(y.h, act.mover) - drag
     change = Moving(rates.flux, rates.H_e, y.v, net_force / act.mover.mass)
@@ -172,10 +180,10 @@ def _rates_from(act: Actuator, walls: Scalar, y: Moving, circuit: Circuit) -> tu
 
 
 def _resting_rates(act: Actuator, walls: Scalar, reluctance: Scalar, y: Resting) -> tuple[Resting, Losses, Electric]:
-    return _magnetic_rates(act, walls, _electric(act, y.flux, y.H_e, reluctance))
+    return magnetic_rates(act, walls, _electric(act, y.flux, y.H_e, reluctance))
 
 
-def _switch(act: Actuator, switches: Switches, watched: Electric) -> tuple[Scalar, Scalar]:
+def switch(act: Actuator, switches: Switches, watched: Electric) -> tuple[Scalar, Scalar]:
     """Margins, negative once the flux turns round and once frozen walls start to move; 1 if they cannot."""
     direction, walls = switches
     turning = where(act.core.is_hysteretic, UNSEEN + direction * watched.flux_rate * act.flux_weight, 1.0)
@@ -194,7 +202,7 @@ def _move(
 
     def margin(y: Moving, watched: Electric) -> Scalar:
         clearance = least(y.h - mover.lower, mover.upper - y.h) / act.stroke
-        return least(clearance, least(*_switch(act, switches, watched)))
+        return least(clearance, least(*switch(act, switches, watched)))
 
     y, losses, watched = after(dt)
 
@@ -207,7 +215,7 @@ def _move(
         then, losses, _ = after(length)
         return _stopped(act, Step(length, then, contact, losses))
 
-    turning, thawing = _switch(act, switches, watched)
+    turning, thawing = switch(act, switches, watched)
     is_beyond = (y.h < mover.lower) | (y.h > mover.upper) | (turning < 0.0) | (thawing < 0.0)
     # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
     return cond(is_moving & is_beyond, shorter, lambda: Step(dt, y, contact, losses))
@@ -230,14 +238,14 @@ def _stopped(act: Actuator, done: Step) -> Step:
 def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: Moving, contact: Contact) -> Step:
     """Step on a stop, of the core only, up to the first release or switch if there is one."""
     spring, start = motion.spring_force(at.h, act.mover), Resting(at.flux, at.H_e)
-    first = _magnetic_rates(act, switches.walls, circuit.electric)
+    first = magnetic_rates(act, switches.walls, circuit.electric)
     after = partial(rk4, partial(_resting_rates, act, switches.walls, circuit.gap.reluctance), start, first=first)
 
     def hold(flux: Scalar) -> Scalar:
         return act.mover.friction - motion.inward(contact.mode, magnetics.flux_force(flux, circuit.gap.slope) + spring)
 
     def margin(y: Resting, watched: Electric) -> Scalar:
-        return least(hold(y.flux), least(*_switch(act, switches, watched)))
+        return least(hold(y.flux), least(*switch(act, switches, watched)))
 
     y, losses, watched = after(dt)
 
@@ -250,7 +258,7 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
         then, losses, _ = after(length)
         return Step(length, _at_rest(then, at.h), motion.released(hold(then.flux) < 0.0, contact), losses)
 
-    turning, thawing = _switch(act, switches, watched)
+    turning, thawing = switch(act, switches, watched)
     is_beyond = (hold(y.flux) < 0.0) | (turning < 0.0) | (thawing < 0.0)
     return cond(is_beyond, shorter, lambda: Step(dt, _at_rest(y, at.h), contact, losses))
 

@@ -80,6 +80,9 @@ SENTENCES = {
     "few_rows": "%d rows, but at least %d with different `%s` are needed",
     "decreases": "row %d: `%s` decreases from %g to %g",
     "does_not_rise": "row %d: `%s` does not rise from %g to %g",
+    "off_grid": "row %d: every `%s` needs the same rows of `%s` as the first, and no others",
+    "not_from_zero": "row %d: `%s` and `%s` begin at 0 at every `%s`, not at %g and %g",
+    "small_grid": "%d rows, %d for each `%s`, but at least %d times %d are needed",
     "no_number": "row %d: `%s` is `%s`, not a finite number",
     "and_more": "and %u more",
     # Arrays of FMI 3.0.

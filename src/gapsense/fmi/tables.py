@@ -14,6 +14,8 @@ from pathlib import Path
 from .sentences import say
 
 SPLINE_ROWS = 4  # a cubic spline needs them
+GRID = ("axis", "bend", "energy", "current_curve", "bend_curve", "energy_curve")  # kinds of columns of a grid
+GRID_ROWS = 3  # of each block of a grid, at least
 MOST_TOLD = 10  # problems of rows
 LONGEST_CELL, LONGEST_LIST = 40, 200  # characters of a cell, and of a list of them, that messages show
 HEADER = re.compile(r"\s*([^\[\]()]*?)\s*(?:[\[(]\s*(.*?)\s*[\])])?\s*")  # name and unit, `time [s]` or `time (s)`
@@ -23,9 +25,10 @@ def read_table(name: str | Path, columns: tuple[str, ...], folder: str | Path = 
     """Columns of a CSV file with a header, looked for in the folder first; the first must not decrease.
 
     `rising:y` is a column `y` that must increase from row to row, `integral:y` is the integral of `y` over the first
-    column, `spline:y` the second derivative of its cubic spline.  `y [V]` says its unit, which the header of the file
-    may leave out; another unit is refused, nothing is converted.  A ValueError has all problems of the file: missing
-    columns, cells without a finite number, too few rows, rows out of order.
+    column, `spline:y` the second derivative of its cubic spline; `GRID` is what `_grid` makes of three columns.
+    `y [V]` says its unit, which the header of the file may leave out; another unit is refused, nothing is converted.
+    A ValueError has all problems of the file: missing columns, cells without a finite number, too few rows, rows out
+    of order.
     """
     if Path(name).suffix.lower() != ".csv":  # what others hold is nobody's business: messages tell cells and headers
         raise ValueError(say("no_csv_name", name, ", ".join(heads(columns))))
@@ -52,7 +55,15 @@ def _columns(content: bytes, name: str, columns: tuple[str, ...]) -> list[list[f
     if problems := [*problems, *_faults(data, lines, columns, faults)]:
         raise ValueError(say("wrong_file", name, "; ".join(problems)))
     xs, made = next(iter(data.values())), {"integral": running_integral, "spline": _spline}
-    return [made[kind](xs, data[name]) if kind in made else data[name] for kind, name, _ in map(_parts, columns)]
+    grid = _grid(*data.values()) if _is_grid(columns) else {}
+    return [
+        made[kind](xs, data[name]) if kind in made else grid.get(kind, data[name])
+        for kind, name, _ in map(_parts, columns)
+    ]
+
+
+def _is_grid(columns: tuple[str, ...]) -> bool:
+    return any(kind in GRID for kind, _, _ in map(_parts, columns))
 
 
 def _rows(content: bytes) -> tuple[list[int], list[list[str]]]:
@@ -118,14 +129,42 @@ def _faults(data: dict[str, list[float]], lines: list[int], columns: tuple[str, 
     first = next(iter(data))
     rising = {name for kind, name, _ in map(_parts, columns) if kind == "rising"}
     faults += [p for c, xs in data.items() if c in rising or c == first for p in _disorder(c, xs, lines, c in rising)]
+    is_grid, xs = _is_grid(columns), data[first]
+    if is_grid and not faults:
+        faults += _unevenness(data, lines)
     problems = faults[:MOST_TOLD]
     if len(faults) > MOST_TOLD:
         problems.append(say("and_more", len(faults) - MOST_TOLD))
-    fewest = SPLINE_ROWS if any(kind == "spline" for kind, _, _ in map(_parts, columns)) else 2
-    xs = data[first]
+    fewest = fewest_rows(columns)
     if len(xs) < fewest or xs[-1] <= xs[0]:
         problems.append(say("few_rows", len(xs), fewest, first))
+    elif is_grid and not faults and ((width := xs.count(xs[0])) < GRID_ROWS or len(xs) < SPLINE_ROWS * width):
+        problems.append(say("small_grid", len(xs), width, first, SPLINE_ROWS, GRID_ROWS))
     return problems
+
+
+def fewest_rows(columns: tuple[str, ...]) -> int:
+    """How many rows a file with these columns has at least."""
+    if _is_grid(columns):
+        return SPLINE_ROWS * GRID_ROWS
+    return SPLINE_ROWS if any(kind == "spline" for kind, _, _ in map(_parts, columns)) else 2
+
+
+def _unevenness(data: dict[str, list[float]], lines: list[int]) -> list[str]:
+    """Rows of a grid that do not fit its first block; rows of a block that do not rise from zero."""
+    (x, xs), (y, ys), (z, zs) = data.items()
+    faults: list[str] = []
+    width = xs.count(xs[0]) if xs else 1
+    for k, n in enumerate(lines):
+        j = k % width
+        if k >= width and (ys[k] != ys[j] or (xs[k] == xs[k - 1]) != (j > 0)):
+            return [*faults, say("off_grid", n, x, y)]
+        if j == 0 and (ys[k] != 0.0 or zs[k] != 0.0):
+            faults.append(say("not_from_zero", n, y, z, x, ys[k], zs[k]))
+        for name, values in ((y, ys), (z, zs)) if j else ():
+            if not values[k] > values[k - 1]:
+                faults.append(say("does_not_rise", n, name, values[k - 1], values[k]))
+    return [*faults, say("off_grid", lines[-1], x, y)] if len(xs) % width else faults
 
 
 def _disorder(name: str, values: list[float], lines: list[int], is_rising: bool) -> list[str]:
@@ -188,3 +227,34 @@ def _spline(xs: list[float], ys: list[float]) -> list[float]:
     first = inner[-1] + (inner[-1] - inner[-2]) * h[0] / h[1]
     last = inner[0] + (inner[0] - inner[1]) * h[-1] / h[-2]
     return [first, *reversed(inner), last]
+
+
+def _grid(xs: list[float], ys: list[float], zs: list[float]) -> dict[str, list[float]]:
+    """What a tensor spline z(x, y) is evaluated from, at each row; z is odd in y, its rows begin at y = 0.
+
+    The places of y, which stay at the last; the second derivative of z by y (`bend`); the integral of z over y from 0
+    (`energy`); and the second derivatives by x of z, of `bend` and of `energy` (`curve`).
+    """
+    width = xs.count(xs[0])
+    blocks = [slice(k, k + width) for k in range(0, len(xs), width)]
+    bend = [value for block in blocks for value in _odd_spline(ys[block], zs[block])]
+    energy = [value for block in blocks for value in _spline_integral(ys[block], zs[block], bend[block])]
+    kinds = {"axis": [*ys[:width], *[ys[width - 1]] * (len(ys) - width)], "bend": bend, "energy": energy}
+    for name, values in (("current", zs), ("bend", bend), ("energy", energy)):
+        columns = [_spline(xs[::width], values[k::width]) for k in range(width)]
+        kinds[f"{name}_curve"] = [value for row in zip(*columns) for value in row]
+    return kinds
+
+
+def _odd_spline(ys: list[float], zs: list[float]) -> list[float]:
+    """Second derivatives of the spline through an odd function of which the half from 0 on is given."""
+    return _spline([*(-y for y in ys[:0:-1]), *ys], [*(-z for z in zs[:0:-1]), *zs])[len(ys) - 1 :]
+
+
+def _spline_integral(ys: list[float], zs: list[float], bends: list[float]) -> list[float]:
+    """Integral of a spline from its first place on."""
+    found = [0.0]
+    for y0, y1, z0, z1, b0, b1 in zip(ys, ys[1:], zs, zs[1:], bends, bends[1:]):
+        width = y1 - y0
+        found.append(found[-1] + width * ((z0 + z1) / 2.0 - width * width * (b0 + b1) / 24.0))
+    return found

@@ -17,13 +17,13 @@ from gapsense.fmi.native.headers import literal
 from gapsense.fmi.native.platforms import FLAGS, PLATFORMS, SMALL
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.shim.build import headers as fmi_headers
-from gapsense.fmi.tables import SPLINE_ROWS, _parts, column_name, heads, read_table
+from gapsense.fmi.tables import GRID, _parts, column_name, fewest_rows, heads, read_table
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import fields, names
 from gapsense.version import __version__
 
 EXACT = '\n#include "exact.h"\n'
-COLUMN_KINDS = {"integral": "INTEGRAL", "spline": "SPLINE"}
+COLUMN_KINDS = {kind: kind.upper() for kind in ("integral", "spline", *GRID)}
 MODEL = """/* {description} Generated from the port table. */
 #include "model.h"
 
@@ -248,10 +248,8 @@ def _port(k: int, port: Port, places: dict[str, int]) -> str:
 
 
 def _of_table(k: int, port: Port) -> dict[str, Any]:
-    has_spline = any(_parts(column)[0] == "spline" for column in port.columns)
     counts = {"head_count": len(heads(port.columns)), "column_count": len(port.columns)}
-    fewest = SPLINE_ROWS if has_spline else 2
-    return {"heads": f"heads_{k}", "columns": f"columns_{k}", "fewest_rows": fewest, **counts}
+    return {"heads": f"heads_{k}", "columns": f"columns_{k}", "fewest_rows": fewest_rows(port.columns), **counts}
 
 
 def _rules(component: Component, index: dict[str, int]) -> Sequence[str]:

@@ -7,7 +7,18 @@
 
 typedef enum { REAL, INTEGER, BOOLEAN, STRING } Kind;
 typedef enum { INPUT, OUTPUT, PARAMETER } Causality;
-typedef enum { PLAIN, INTEGRAL, SPLINE } ColumnKind;
+typedef enum {
+    PLAIN,
+    INTEGRAL,
+    SPLINE,
+    AXIS, /* from here on of a grid */
+    BEND,
+    ENERGY,
+    CURRENT_CURVE,
+    BEND_CURVE,
+    ENERGY_CURVE
+} ColumnKind;
+enum { SPLINE_ROWS = 4, GRID_ROWS = 3 }; /* at least */
 
 /* A column that the file of a table must have. */
 typedef struct {

@@ -66,15 +66,52 @@ static void note_disorder(Reading *r, int h)
     }
 }
 
+static int is_grid(const Port *port) { return port->columns[port->column_count - 1].kind >= AXIS; }
+
+static void note_off_grid(Reading *r, int row)
+{
+    if (is_told(r))
+        text_join(&r->problems, "; ", SAY_OFF_GRID, line_of(r, row), r->port->heads[0].name, r->port->heads[1].name);
+}
+
+/* Rows of a grid that do not fit its first block; rows of a block that do not rise from zero. */
+static void note_unevenness(Reading *r)
+{
+    const Head *heads = r->port->heads;
+    const double *x = column(r, 0), *y = column(r, 1), *z = column(r, 2);
+    const int width = r->rows ? grid_width(x, r->rows) : 1;
+    for (int k = 0; k < r->rows; k++) {
+        const int j = k % width;
+        if (k >= width && (y[k] != y[j] || (x[k] == x[k - 1]) != (j > 0))) {
+            note_off_grid(r, k);
+            return;
+        }
+        if (j == 0 && (y[k] != 0.0 || z[k] != 0.0) && is_told(r))
+            text_join(&r->problems, "; ", SAY_NOT_FROM_ZERO, line_of(r, k), heads[1].name, heads[2].name, heads[0].name,
+                      y[k], z[k]);
+        for (int h = 1; j && h < 3; h++)
+            if (!(column(r, h)[k] > column(r, h)[k - 1]) && is_told(r))
+                text_join(&r->problems, "; ", SAY_DOES_NOT_RISE, line_of(r, k), heads[h].name, column(r, h)[k - 1],
+                          column(r, h)[k]);
+    }
+    if (r->rows % width)
+        note_off_grid(r, r->rows - 1);
+}
+
 static void judge_rows(Reading *r)
 {
     const double *x = r->numbers;
     for (int h = 0; h < r->port->head_count; h++)
         note_disorder(r, h);
+    if (is_grid(r->port) && !r->wrong)
+        note_unevenness(r);
     if (r->wrong > MOST_TOLD)
         text_join(&r->problems, "; ", SAY_AND_MORE, r->wrong - MOST_TOLD);
+    const int width = r->rows ? grid_width(x, r->rows) : 0;
     if (r->rows < r->port->fewest_rows || x[r->rows - 1] <= x[0])
         text_join(&r->problems, "; ", SAY_FEW_ROWS, r->rows, r->port->fewest_rows, r->port->heads[0].name);
+    else if (is_grid(r->port) && !r->wrong && (width < GRID_ROWS || r->rows < SPLINE_ROWS * width))
+        text_join(&r->problems, "; ", SAY_SMALL_GRID, r->rows, width, r->port->heads[0].name, SPLINE_ROWS, GRID_ROWS);
 }
 
 /* --- what the kernel gets --- */
@@ -89,7 +126,8 @@ static int make(State *s, const Reading *r, const Column *wanted)
         integrate(xs, ys, r->rows, table);
     else if (wanted->kind == PLAIN)
         memcpy(table, ys, (size_t)r->rows * sizeof *table);
-    else if (!spline(xs, ys, r->rows, table)) {
+    else if (wanted->kind == SPLINE ? !spline(xs, ys, r->rows, table)
+                                    : !grid(wanted->kind, xs, column(r, 1), column(r, 2), r->rows, table)) {
         free(table);
         return 0;
     }

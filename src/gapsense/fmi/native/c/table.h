@@ -14,5 +14,7 @@ int read_columns(State *state, int port, Text *problem);
 /* From columns of `rows` numbers, as `tables.py` computes them, to the last bit. */
 void integrate(const double *xs, const double *ys, int rows, double *to);
 int spline(const double *xs, const double *ys, int rows, double *to); /* 0 without memory */
+int grid_width(const double *xs, int rows); /* rows of the first block */
+int grid(ColumnKind kind, const double *xs, const double *ys, const double *zs, int rows, double *to); /* likewise */
 
 #endif
