@@ -10,9 +10,10 @@ from typing import Any
 from gapsense.kernels.elementary import DOUBLE, FLOAT, FORMULAS, Format
 from gapsense.kernels.emit.printer import Graph, Loop, Printer, elementary
 from gapsense.kernels.layout import ARRAYS, fields, names
-from gapsense.kernels.trace import BOOLEAN, UNARY, Expr, Region, memory_of
+from gapsense.kernels.trace import ARITHMETIC, BOOLEAN, UNARY, Expr, Region, memory_of
 
 WHOLE = (*BOOLEAN, "locate")  # operations that give whole numbers
+NUMERIC = (*ARITHMETIC, *BOOLEAN[:6], "where")
 LOCATE = """static inline int locate(const {real} *table, int size, {real} x)
 {
     int low = 0, high = size; /* first element that is not below x */
@@ -111,6 +112,12 @@ typedef double real;
         name = self.fresh()
         self.write(f"const {self.truth if self.is_index(node) else self.type_of(node)} {name} = {text};")
         return name
+
+    def operand(self, node: Expr, value: Any) -> str:
+        """Text of an operand; a place in a table becomes a number where one is computed with it."""
+        is_place = isinstance(value, Expr) and value.op == "locate" and value.op in self.whole_operations
+        is_number = node.op in NUMERIC and not all(map(self._is_whole, node.args[-2:]))
+        return f"({self.real}){self.ref(value)}" if is_place and is_number else self.ref(value)
 
     def element(self, node: Expr) -> str:
         """Text of the element that a `load` or `store` means; of array memory one that there is."""

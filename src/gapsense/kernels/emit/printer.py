@@ -259,12 +259,16 @@ class Printer(ABC):
 
     def expression(self, node: Expr) -> str:
         """Text of an operation; what is nothing but an index becomes a whole number here, once."""
-        a = [self.ref(arg) for arg in node.args]
+        a = [self.operand(node, arg) for arg in node.args]
         op = "table" if node.op == "load" and node.args[0].extra == "table" else node.op
         form = self.form(op)
         element = self.element(node) if node.op in ("load", "store") else ""
         text = form.format(op=op, a=a, b=[*map(_bare, a)], i=element)
         return self.forms["whole"].format(_bare(text)) if self.is_index(node) and node.op != "locate" else text
+
+    def operand(self, node: Expr, value: Any) -> str:
+        """Text of an operand of the operation."""
+        return self.ref(value)
 
     def form(self, op: str) -> str:
         """What an operation looks like."""
