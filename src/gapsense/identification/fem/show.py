@@ -282,7 +282,8 @@ def windows(m: Models, given: Mapping[str, Value], volts: float | None) -> tuple
         par = par._replace(sample_time=dt)
         found = trial(par, volts) or found
     error = rms(left_of(m.points, m.reduced).current)
-    tuning = scaled([found[0]], [found[1]], [Residual("trial", error, 0.0, 0.0, 0.0, {}, {})], par)
+    left = Residual("trial", rms=error, noise=0.0, limit=0.0, correlation=0.0, places={}, hum=None)
+    tuning = scaled([found[0]], [found[1]], [left], par)
     told = (
         f"At {at} the reduced model moves for {quantity(motion, 's')} and lands {quantity(landing, 's')} after an edge:"
         f" from that are windows and error of `Mhe`, with samples every {quantity(dt, 's')}."
