@@ -14,8 +14,8 @@ demo: fmus
 	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
 	$(BIN)/gapsense figure scenarios/semera_valve
 
-test: lint fmus  # then three that keep one core busy each, the longest first
-	$(MAKE) --jobs 2 scenarios types natives
+test: lint  # then four that keep one core busy each, and of which only the scenarios wait for another
+	$(MAKE) --jobs 2 fmus types scenarios natives
 	$(MAKE) unit
 
 fast: fmus
@@ -34,18 +34,21 @@ unit: fmus natives
 scenarios: fmus
 	$(BIN)/gapsense test scenarios --junit build/scenarios.xml
 
-slow: fmus natives ziglang
-	$(BUILT) $(BIN)/pytest -q $(BY_FILE) -m slow --durations=40
+slow: fmus natives dist/.native
+	$(BUILT) GAPSENSE_RELEASED=dist/native $(BIN)/pytest -q $(BY_FILE) -m slow --durations=40
 
 bench: fmus natives
 	$(INSTALL) --editable '.[dev,peers]'
 	@test -e .venv-cofmupy/done || { $(PYTHON) -m venv .venv-cofmupy && .venv-cofmupy/bin/python -m pip install --quiet cofmupy==1.0.0 && touch .venv-cofmupy/done; } || echo "cofmupy is not available for this Python: its row is empty"
 	$(BIN)/python benchmarks/all.py
 
-release: ziglang
+release: dist/.native
+	cd dist && ../$(BIN)/python -m zipfile -c gapsense-native-fmus.zip native/
+
+dist/.native: $(SOURCES) | ziglang
 	rm -rf dist/native
 	$(BIN)/python build_fmus.py --native --out dist/native
-	cd dist && ../$(BIN)/python -m zipfile -c gapsense-native-fmus.zip native/
+	@touch $@
 
 ziglang: .venv/installed
 	@$(INSTALL) --editable '.[dev,native]' || echo "ziglang is not available: no native FMUs of other platforms"

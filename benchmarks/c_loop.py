@@ -50,12 +50,12 @@ def library() -> ctypes.CDLL:
 def c_part(part: Part, kept: list[Any]) -> CPart:
     """A part of our master as C takes it; `kept` keeps alive what is pointed to."""
     set_, step, get = (ctypes.cast(part.instance.function(name), POINTER).value for name in (SET, STEP, GET))
-    links = (INT * (2 * len(part.plain)))(*(place for pair in part.plain for place in pair))
+    links = (INT * (2 * len(part.wires)))(*(place for wire in part.wires for place in wire[:2]))
     kept.append(links)
     (takes, n_in, given), (gives, n_out, got) = (doubles(channels) for channels in (part.givers, part.readers))
     return CPart(
         part.instance.pointer, set_, step, get, takes, gives, n_in, n_out, given, got,
-        ctypes.addressof(links), len(part.plain), part.component.step, part.component.offset,
+        ctypes.addressof(links), len(part.wires), part.component.step, part.component.offset,
     )  # fmt: skip
 
 
@@ -106,7 +106,7 @@ def replay(experiment: Experiment, rows: Rows) -> dict[str, Replayed]:
     with Master(*experiment) as master:
         master.initialize(experiment[0].seeds, {})
         for part in master.parts:
-            part.plain.clear()
+            part.wires.clear()
             one, steps = c_part(part, []), np.empty(len(rows))
             places = [master.places.index[p] for p in master.places.of(part.component.name, "input")]
             given = np.ascontiguousarray(rows[:, places])

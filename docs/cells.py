@@ -7,11 +7,14 @@ import contextlib
 import io
 import json
 import os
+import pickle
 import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from kept import kept
 
 MARK = re.compile(r"^# %%(?: \[(markdown)\])?.*\n", re.MULTILINE)
 
@@ -38,6 +41,19 @@ def cells(script: str) -> list[Cell]:
         text = re.sub(r"^# ?", "", source, flags=re.MULTILINE) if kind else source
         made.append(Cell(kind is not None, text.strip()))
     return made
+
+
+def shown(script: Path) -> list[tuple[Cell, Ran]]:
+    """Cells of a script that was run."""
+    parts = cells(script.read_text(encoding="utf-8"))
+
+    def make(file: Path) -> None:
+        with elsewhere():
+            done = [tuple(ran) for _, ran in run(parts)]
+        file.write_bytes(pickle.dumps(done))
+
+    done = pickle.loads(kept(f"examples/{script.stem}.pickle", make).read_bytes())
+    return [(part, Ran(*ran)) for part, ran in zip(parts, done)]
 
 
 def run(parts: list[Cell]) -> Iterator[tuple[Cell, Ran]]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from kept import ROOT, kept
+
 from gapsense.cosim import load
 
-ROOT = Path(__file__).resolve().parents[1]
-FOLDER = ROOT / "build" / "gallery"
 STUDIES = {  # what a study draws with which options, and its file; studies that print tables only are not here
     "ukf-noise --seeds 2": ("Errors of the bounded UKF over the noise, [UKF] Fig. 8", "ukf_noise.png"),
     "faults": ("Faults of the current sensor, and what three estimators do with them", "faults.png"),
@@ -31,47 +33,37 @@ STUDIES = {  # what a study draws with which options, and its file; studies that
 
 
 class Entry(NamedTuple):
-    """A picture: what it shows, the words of its command after `gapsense`, and its file."""
+    """A picture: what it shows, the words of its command after `gapsense`, and its place in the site."""
 
     title: str
     command: str
-    file: Path
+    place: str
 
 
 def entries() -> list[Entry]:
     """All of them, scenarios first."""
     scenarios = [folder.parent for folder in sorted((ROOT / "scenarios").glob("*/scenario.toml"))]
-    figures = [Entry(load(f).title, f"figure {f.name}", FOLDER / f"{f.name}.png") for f in scenarios]
-    drawn = [Entry(title, f"study {words}", FOLDER / "studies" / file) for words, (title, file) in STUDIES.items()]
+    figures = [Entry(load(f).title, f"figure {f.name}", f"gallery/{f.name}.png") for f in scenarios]
+    drawn = [Entry(title, f"study {words}", f"gallery/studies/{file}") for words, (title, file) in STUDIES.items()]
     return [*figures, *drawn]
 
 
 def made(entry: Entry) -> Path:
-    """Its picture, drawn by the command where there is none as new as the sources and scenarios."""
-    if not entry.file.is_file() or entry.file.stat().st_mtime < newest():
-        entry.file.parent.mkdir(parents=True, exist_ok=True)
-        words = entry.command.split()
-        is_file = words[0] == "figure" or words[1] in ("observability-rts", "reference-cycle")
-        to = entry.file if is_file else entry.file.parent
-        command = [sys.executable, "-m", "gapsense", *words, "--out", str(to)]
-        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
-        entry.file.touch()
-    return entry.file
+    """Its picture, drawn by the command."""
+    words = entry.command.split()
+    is_file = words[0] == "figure" or words[1] in ("observability-rts", "reference-cycle")
 
+    def draw(file: Path) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / Path(entry.place).name
+            command = [sys.executable, "-m", "gapsense", *words, "--out", str(out if is_file else folder)]
+            subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+            shutil.move(out, file)
 
-def newest() -> float:
-    """Time of the newest file that decides how pictures look."""
-    folders = [ROOT / name for name in ("src", "fmus", "scenarios")]
-    files = (p for folder in folders for p in folder.rglob("*") if p.suffix in (".py", ".toml", ".csv", ".c"))
-    return max(p.stat().st_mtime for p in files if "results" not in p.parts)
+    return kept(entry.place, draw)
 
 
 def page(pictures: list[Entry]) -> str:
     """The part of the page that has the pictures."""
-    parts = (f"## {e.title}\n\n![{e.title}]({place(e)})\n\n`gapsense {e.command}`\n" for e in pictures)
+    parts = (f"## {e.title}\n\n![{e.title}]({e.place})\n\n`gapsense {e.command}`\n" for e in pictures)
     return "\n".join(parts)
-
-
-def place(entry: Entry) -> str:
-    """Of its picture in the site."""
-    return f"gallery/{entry.file.relative_to(FOLDER).as_posix()}"

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 
-from gallery import ROOT, newest
+from kept import ROOT, kept
 
 from gapsense.cosim import load
 from gapsense.page.page import write_page
 
-FOLDER = ROOT / "build" / "pages"
 OF_COMPONENTS = {  # scenario that shows an estimator or a controller
     "BoundedUkf": "bounded_ukf",
     "Ekf": "profiles",
@@ -26,7 +25,6 @@ CHAPTER = "\n## In your browser\n\n<!-- page: {} -->\n"
 FRAME = """<iframe class="live" src="{place}" title="{title}" loading="lazy"></iframe>
 
 <p><a href="{place}">{title}: as a page of its own</a></p>"""
-OF_PAGE = ("*.js", "*.css", "templates/*.html", "c/*.c")
 
 
 def names() -> list[str]:
@@ -36,11 +34,7 @@ def names() -> list[str]:
 
 def made(name: str) -> bytes:
     """The page of a scenario."""
-    file, own = FOLDER / f"{name}.html", ROOT / "src" / "gapsense" / "page"
-    latest = max(newest(), *(part.stat().st_mtime for pattern in OF_PAGE for part in own.glob(pattern)))
-    if not file.is_file() or file.stat().st_mtime < latest:
-        write_page(ROOT / "scenarios" / name, file)
-    return file.read_bytes()
+    return kept(place(name), lambda file: write_page(ROOT / "scenarios" / name, file)).read_bytes()
 
 
 def place(name: str) -> str:

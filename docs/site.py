@@ -14,12 +14,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 import cells
 import gallery
 import live
+from kept import ROOT
 
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.page import html
 from gapsense.version import __version__
 
-ROOT = Path(__file__).resolve().parents[1]
 ELSEWHERE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")  # a link to a file of the repository that the site has not
 OF_COMPONENT = re.compile(r"\]\((?:\.\./)?fmus/(\w+)/page\.md\)")
 HEADING = re.compile(r'<h2 id="[^"]*">(.*?)</h2>\n?')
@@ -69,15 +69,15 @@ def on_files(files: Files, config: Any) -> Files:
         files.append(File.generated(config, name, content=text))
     for entry in gallery.entries():
         picture = gallery.made(entry).read_bytes()
-        files.append(File.generated(config, gallery.place(entry), content=picture))
+        files.append(File.generated(config, entry.place, content=picture))
     for name in live.names():
         files.append(File.generated(config, live.place(name), content=live.made(name)))
     for place, script in scripts().items():
-        parts = cells.cells(script.read_text(encoding="utf-8"))
-        with cells.elsewhere():
-            done = [*cells.run(parts)]
+        done = cells.shown(script)
         files.append(File.generated(config, place, content=cells.page(script.stem, done)))
-        files.append(File.generated(config, f"examples/{script.stem}.ipynb", content=cells.notebook(parts)))
+        files.append(
+            File.generated(config, f"examples/{script.stem}.ipynb", content=cells.notebook([cell for cell, _ in done]))
+        )
         for k, (_, ran) in enumerate(done):
             if ran.picture:
                 files.append(File.generated(config, f"examples/{script.stem}_{k}.png", content=ran.picture))

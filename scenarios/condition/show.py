@@ -39,6 +39,8 @@ def run_figure(result: Result) -> Figure:
         found = result[f"monitor.evidence_{cause}"]
         if found.max() > 0.1:
             line(evidence, t, found, SECOND if found.max() > 0.5 else FIRST, cause)
+    if evidence.lines:
+        evidence.legend(loc="upper left")
     line(verdict, t, result["monitor.verdict"], TRUE)
     verdict.set_yticks(range(len(VERDICTS)), VERDICTS)
     for axis, label in zip(axes[:, 0], LABELS):

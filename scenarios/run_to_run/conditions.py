@@ -16,6 +16,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 RESERVE = {"bridge_supply": 40.0, "voltage_least": -40.0, "voltage_most": 40.0}
 SLOW = {"closing_travel": 4.0e-3, "opening_lead": 1.8e-3, "opening_travel": 4.6e-3}
 HALF = {"bridge_kind": float(Kind.half), "bridge_frequency": 20e3, "voltage_least": 0.0, **SLOW}
+WEAK = {"voltage_least": 0.0, "voltage_most": 24.0, **SLOW}
 WARMER = {"coil_resistance": 1.3}
 WORN = {**WARMER, "spring_stiffness": 0.9, "damping": 1.5}
 SOFTER = {"spring_stiffness": 0.85, "damping": 0.5}
@@ -85,9 +86,8 @@ CONDITIONS = {
     "short": Condition("operations of 9 ms", period=18e-3, closed=9e-3),
     "slow-samples": Condition("samples of 50 us", sample_time=50e-6),
     "normal-10": Condition("parameters wrong by 10 %, normal", drawn="normal"),
-    "half-24": Condition(
-        "half bridge, 24 V", {"voltage_least": 0.0, "voltage_most": 24.0, **SLOW}, period=25e-3, closed=12e-3
-    ),
+    "half-24": Condition("half bridge, 24 V", WEAK, period=25e-3, closed=12e-3),
+    "weak-24": Condition("half bridge, 24 V, wrong by 10 %, normal", WEAK, period=25e-3, closed=12e-3, drawn="normal"),
     "told-noise": Condition("noise 20 mA", {"noise_current": 20e-3}),
     "rest-step": Condition("spring rest +6 % from cycle 15 on", step={"spring_rest": 1.06}),
     "damping-step": Condition("damping x 2 from cycle 15 on", step={"damping": 2.0}),

@@ -150,7 +150,7 @@ def cycle_of(recorded: Floats, closed: int, dt: float) -> Cycle:
     before = np.concatenate([current[-1:], current[:-1]])  # a cycle begins as the one before
     energy = dt * np.sum(volts * 0.5 * (before + current), axis=0)
     state, warnings = (signals.get(name, np.zeros_like(mode)) for name in OF_LAW)
-    is_ordinary, ends = np.any(state == BACK, axis=0) * 1.0, [closed - 1, -1]
+    is_ordinary, ends = np.any(state >= BACK, axis=0) * 1.0, [closed - 1, -1]
     return Cycle(
         speeds=speeds,
         energy=energy,

@@ -5,7 +5,8 @@
 >>> scenario = Scenario("my valve", stop=20e-3, base_step=25e-6)
 
 A class for each component, `Scenario` and `run` for co-simulations, and a function for each command on records and
-results: `inspect`, `identify`, `commission`, `gap_law`, `estimate`, `compare`. All of it is loaded when asked for.
+results: `inspect`, `identify`, `commission`, `gap_law`, `fem`, `estimate`, `compare`. All of it is loaded when it is
+asked for.
 """
 
 import os
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from gapsense.functions import commission as commission
     from gapsense.functions import compare as compare
     from gapsense.functions import estimate as estimate
+    from gapsense.functions import fem as fem
     from gapsense.functions import gap_law as gap_law
     from gapsense.functions import identify as identify
     from gapsense.functions import inspect as inspect
@@ -78,6 +80,7 @@ __all__ = [
     "commission",
     "compare",
     "estimate",
+    "fem",
     "gap_law",
     "identify",
     "inspect",
@@ -91,7 +94,7 @@ _PLACES = {  # where each is
     "Scenario": "gapsense.cosim.scenario.build",
     **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.result.result"),
     **dict.fromkeys(
-        ("Found", "commission", "compare", "estimate", "gap_law", "identify", "inspect"), "gapsense.functions"
+        ("Found", "commission", "compare", "estimate", "fem", "gap_law", "identify", "inspect"), "gapsense.functions"
     ),
     "check": "gapsense.cosim.check",
     "run": "gapsense.cosim.run.run",

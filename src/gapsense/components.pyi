@@ -1069,8 +1069,10 @@ class IntegralEstimator(Runnable):
         Standard deviation of the current noise.
     gate_sigmas : float, at least 0, by default 3.29
         Half width of the noise band, in standard deviations (3.29: 99.9 %).
-    edge_voltage : float [V], by default 15.0
-        An operation starts when the voltage rises above it.
+    noise_voltage : float [V], at least 0, by default 0.015
+        Standard deviation of the voltage noise.
+    edge_voltage : float [V], at least 0, by default 0.0
+        An operation starts when the voltage rises above it; 0: a quarter of the highest of late.
     offline : bool, by default False
         Publish an operation after it has ended, with the resistance that it gave.
     range_voltage : float [V], at least 1e-09, by default 100.0
@@ -1114,6 +1116,7 @@ class IntegralEstimator(Runnable):
         prior_flux_linkage: float = ...,
         noise_current: float = ...,
         gate_sigmas: float = ...,
+        noise_voltage: float = ...,
         edge_voltage: float = ...,
         offline: bool = ...,
         range_voltage: float = ...,

@@ -319,6 +319,69 @@ def gap_law(
 
 
 @documented
+def fem(
+    data: File,
+    *,
+    turns: float | None = None,
+    current: float | None = None,
+    symmetry: int = 1,
+    closed: float | None = None,
+    supply: float | None = None,
+    parameters: File | None = None,
+    assume: bool = False,
+    column: Several = (),
+    separator: str = ",",
+    decimal: str = ".",
+    out: File | None = None,
+    figure: File | None = None,
+) -> Found:
+    """Make plant and estimators from a table of flux linkage and force that finite elements gave.
+
+    Returns
+    -------
+    Found
+        Its `parameters`; `passed` is False where the table contradicts itself, and `doubts` say where.
+
+    Raises
+    ------
+    ValueError
+        The file cannot be read, is of no such device, or the turns are missing.
+    """
+    from gapsense.identification.assumptions import ask, meanings
+    from gapsense.identification.fem import show
+    from gapsense.identification.fem.reading import Given, read_solved
+    from gapsense.identification.measurements.reading import reading
+    from gapsense.identification.parameter_set import read_sets
+    from gapsense.identification.valve.show import BY_NAME
+
+    picture, source, how = checked(figure), Path(data), reading(pairs(column), "end", separator, decimal)
+    known, marked = read_sets([Path(parameters)] if parameters else [])
+    if (no_turns := turns is None and ("coil.turns" not in known or "coil.turns" in marked)) and not assume:
+        ask(["coil.turns"], BY_NAME, "--turns", "the component `Mhe`", ", or as `--turns`")
+    number = float(turns or known.get("coil.turns", BY_NAME["coil.turns"].start))
+    points = read_solved(source, how, Given(number, current, float(symmetry), closed))
+    stops = {"stop.lower": float(points.gap[0]), "stop.upper": float(points.gap[-1])}
+    given = {"initial.position": known.get("stop.upper", stops["stop.upper"]), **stops, **known}
+    assumed = [*["coil.turns"] * no_turns, *(n for n in stops if n not in known), *marked]
+    models = show.make_models(points, number, float(given["stop.lower"]), float(given["stop.upper"]))
+    tuning, told = show.windows(models, given, supply)
+    shown = [*show.fem_tables(models), *told, *show.beyond(points, given, assumed), *meanings(assumed)]
+    wrong = show.doubts(models)
+    with set_file(out) as (to, folder):
+        files = show.write_fem(to, models, given, tuning, f"gapsense fem {source.name}", [*dict.fromkeys(assumed)])
+        return answer(
+            shown,
+            lambda: show.fem_figure(models),
+            picture,
+            to=to,
+            files=files,
+            kept=folder,
+            passed=not wrong,
+            doubts=wrong,
+        )
+
+
+@documented
 def estimate(
     data: Data,
     *,

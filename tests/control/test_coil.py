@@ -11,7 +11,9 @@ from gapsense.control.coil import (
     first_coil,
     integrated,
     is_scarce,
+    left_open,
     open_flux,
+    raised,
     topped,
     zeroed,
 )
@@ -20,14 +22,14 @@ from gapsense.estimators.gap import gap, make_gap
 PAR, NOT_LATE = parameters(), False
 
 
-def driven(R, resistance, remanence=0.0):
-    """A closing and an opening of a coil with an open gap, seen by a belief."""
-    R_g, *_ = gap(PAR.stop_upper, make_gap(PAR), 1.0, 0.0)
+def driven(R, resistance, remanence=0.0, samples=1000, position=PAR.stop_upper):
+    """A closing and an opening of a coil whose gap stays as it is, an open one, seen by a belief."""
+    R_g, *_ = gap(position, make_gap(PAR), 1.0, 0.0)
     reluctance = R_g + PAR.core_reluctance / PAR.coil_turns**2
     flux = remanence
     coil = first_coil(inputs(current=flux * reluctance), PAR)
     coil = coil._replace(resistance=resistance, measured=resistance, flux=remanence)
-    for k in range(1000):
+    for k in range(samples):
         u = 24.0 if k < 490 else 0.0
         middle = (flux + 0.5 * PAR.sample_time * u) / (1.0 + 0.5 * PAR.sample_time * R * reluctance)
         flux += PAR.sample_time * (u - R * middle * reluctance)
@@ -97,3 +99,25 @@ def test_closing_that_ends_far_from_the_last_ones_counts_alone():
 def test_ordinary_closing_of_a_warm_coil_takes_the_voltage_that_its_current_needs(warmth, volts, scarce):
     coil = first_coil(inputs(), PAR)._replace(resistance=warmth * PAR.coil_resistance)
     assert driving(coil, PAR) == pytest.approx(volts) and bool(is_scarce(coil, PAR)) is scarce
+
+
+@pytest.mark.parametrize("R", [44.0, 53.0])
+@pytest.mark.parametrize("position", [PAR.stop_upper, PAR.stop_lower])
+def test_ordinary_closing_that_leaves_the_mover_open_is_told_by_the_reluctance(R, position):
+    """The shipped actuator at 0.7 of its voltage; the resistance of such a closing is that of its end."""
+    coil, _ = driven(R, 48.0, samples=490, position=position)
+    coil = coil._replace(flux=0.7 * coil.flux, charge=0.7 * coil.charge, held_current=0.7 * coil.held_current)
+    coil = coil._replace(late_current=coil.held_current, measured=R)
+    assert left_open(coil, PAR) == (position == PAR.stop_upper)
+    changing = coil._replace(late_current=0.9 * coil.held_current)
+    assert not left_open(changing, PAR)
+    assert left_open(changing._replace(flux=5e-3, measured=48.0), PAR)  # and floats
+    assert not left_open(coil._replace(held_current=0.0, late_current=0.0), PAR)
+
+
+def test_ordinary_closing_takes_more_current_than_that_which_left_the_mover_open():
+    coil = first_coil(inputs(), PAR)._replace(held_current=PAR.voltage_hold / PAR.coil_resistance)
+    assert driving(raised(coil), PAR) == pytest.approx(1.2 * PAR.voltage_hold)
+    assert driving(raised(raised(coil)), PAR) == pytest.approx(1.2 * PAR.voltage_hold)
+    assert driving(raised(coil._replace(held_current=1e3)), PAR) == PAR.voltage_most
+    assert driving(raised(coil._replace(held_current=0.01)), PAR) == PAR.voltage_hold  # it had none

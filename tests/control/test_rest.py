@@ -1,4 +1,4 @@
-"""Rests between operations: a valve stays open, or closed, for ten minutes, and the next operations are as ever."""
+"""Rests between operations: a valve stays open, or closed, for minutes or hours; the next operations are as ever."""
 
 import numpy as np
 import pytest
@@ -39,8 +39,8 @@ def readings(command, since, resistance):
     return np.transpose([command * 1.0, resistance * np.where(command, 0.2, 0.0), current, mode])
 
 
-def operations(alone, is_closed, seconds):
-    """Outputs at the end of a rest after some cycles, and of two cycles after that."""
+def operations(alone, is_closed, seconds, skipped=0):
+    """Outputs at the end of a rest after some cycles, and of two cycles after that; some of the samples are skipped."""
     chain, columns = alone
     running = Running(chain, columns, [0.0, 0.0, 0.0, 3.0], T_s, 1)
     resistance = 1.02 * columns["law.coil_resistance"][0, 0]  # another one than believed
@@ -49,6 +49,14 @@ def operations(alone, is_closed, seconds):
         running.go(columns, readings(cycle, 0, resistance))
     for k in range(round(seconds / (SAMPLES * T_s))):
         rest = running.go(columns, readings(held, SAMPLES * k + (0 if is_closed else SAMPLES), resistance))
+    if skipped:
+        before = np.array(running.scalars)
+        running.go(columns, readings(held, SAMPLES * (k + 2), resistance))
+        counted = np.array(running.scalars) - before
+        counted[np.abs(counted) < 1e-30] = 0.0  # the noise of readings without any decays
+        assert np.all(np.isin(counted, (0.0, SAMPLES)))  # nothing else changes: so it goes on for ever
+        running.samples += skipped * SAMPLES
+        running.scalars = running.scalars + skipped * counted
     opened = [running.go(columns, readings(~held, 0, resistance))] if is_closed else []
     after = [running.go(columns, readings(cycle, 0, resistance)) for _ in range(2)]
     return rest[:, :, 0], np.concatenate([*opened, *after])[:, :, 0]
@@ -61,3 +69,12 @@ def test_a_rest_changes_nothing(alone, is_closed, seconds):
     (rest, after), (_, usual) = (operations(alone, is_closed, time) for time in (seconds, 0.1))
     assert np.all(rest == rest[0]) and np.all(after[:, 2:] == usual[:, 2:])
     assert after == pytest.approx(usual, abs=1e-3)
+
+
+@pytest.mark.parametrize("hours", [1, 1000])
+@pytest.mark.parametrize("is_closed", [False, True])
+def test_hours_of_rest_change_nothing(alone, is_closed, hours):
+    """A rest comes to a state in which nothing but counters of samples changes; these are set forward."""
+    skipped = round(hours * 3600.0 / (SAMPLES * T_s))
+    (_, after), (_, usual) = operations(alone, is_closed, 0.2, skipped), operations(alone, is_closed, 0.1)
+    assert np.all(after[:, 2:] == usual[:, 2:]) and after == pytest.approx(usual, abs=1e-3)

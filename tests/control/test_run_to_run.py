@@ -8,10 +8,12 @@ from commanded import commanded, inputs, parameters
 
 from gapsense.control import run_to_run
 from gapsense.control.judging import WARNINGS
+from gapsense.control.records import LawKind
+from gapsense.estimators.gap import gap, make_gap
 from gapsense.kernels.interface import ports_of
 from gapsense.kernels.kernel import Kernel
 
-OFF, LEARNING, TRACKING, BACK = 0.0, 1.0, 2.0, 4.0  # as the port table says
+OFF, LEARNING, TRACKING, BACK, OPEN = 0.0, 1.0, 2.0, 4.0, 5.0  # as the port table says
 PAR = parameters(sample_time=100e-6)  # few samples
 HIGH, LOW = [1.0] * 98, [0.0] * 102
 CYCLE = HIGH + LOW
@@ -95,12 +97,33 @@ def test_a_miss_is_told_and_followed_by_ordinary_cycles_until_one_lands():
     rows, _ = run(CYCLE * 9, voltage=10.0, current=0.2, mode=lambda k: 3.0 if 200 < k <= 1200 else landing(k))
     states = [rows[200 * c + 90].state for c in range(9)]
     assert states[0] == LEARNING and states[1] != BACK
-    assert states[2:6] == [BACK] * 4
+    assert states[2:6] == [BACK, OPEN, OPEN, OPEN]
     assert {row.voltage_reference for row in rows[400:498]} == {PAR.voltage_hold}
     hold = {row.voltage_reference for row in rows[600:698]}
     assert hold == {PAR.voltage_most}  # more than usual, as usual was not enough
     assert rows[297].warnings < 128.0 <= rows[310].warnings  # in the next operation
     assert states[8] != BACK  # and then it tries again
+
+
+@pytest.mark.parametrize("law", LawKind)
+def test_ordinary_closings_that_leave_the_mover_open_are_told_and_get_more_voltage(law):
+    """By the current alone, without a contact that says so, and without an estimator that explains anything."""
+    par = PAR._replace(law=float(law), voltage_hold=16.0)
+    R_g, *_ = gap(par.stop_upper, make_gap(par), 1.0, 0.0)
+    reluctance, R, flux = R_g + par.core_reluctance / par.coil_turns**2, 1.03 * par.coil_resistance, 0.0
+    state, outputs = KERNEL.initial(inputs(mode=0.0), par)
+    rows = []
+    for k, command in enumerate(CYCLE * 3, 1):
+        u = outputs.voltage_reference
+        middle = (flux + 0.5 * par.sample_time * u) / (1.0 + 0.5 * par.sample_time * R * reluctance)
+        flux += par.sample_time * (u - R * middle * reluctance)
+        now = inputs(time=k * par.sample_time, command=command, voltage=u, current=flux * reluctance)
+        state, outputs = KERNEL.step(state, now, par)
+        rows.append(outputs)
+    assert {(row.state, row.warnings, row.voltage_reference) for row in rows[:97]} == {(LEARNING, 0.0, 16.0)}
+    said = {(row.state, row.warnings) for row in rows[98:297]}  # 8: the estimator explains nothing
+    assert said == {(OPEN, 512.0)} if law == LawKind.contact else said == {(OPEN, 512.0), (OPEN, 520.0)}
+    assert {row.voltage_reference for row in rows[200:297]} == {par.voltage_most}
 
 
 @pytest.mark.parametrize(("command", "is_closed"), [(0.5, 0.0), (0.51, 1.0), (1e9, 1.0), (-1.0, 0.0), (math.inf, 1.0)])

@@ -116,8 +116,9 @@ class Trial:
         self.buffer = array("d", [0.25 * k for k in range(self.layout.size)])
         self.watches = [Watch(place, level, is_above, True) for place, level, is_above in case["watches"]]
         self.parts = [self.part(i) for i in range(len(case["parts"]))]
-        for source, target, factor, bias in case["links"]:
-            self.parts[target[0]].connect(Connection(port("y", source), port("u", target), factor, bias))
+        links = [Connection(port("y", y), port("u", u), factor, bias) for y, u, factor, bias in case["links"]]
+        for part in self.parts:
+            part.connect(links)
         rows, columns = case["count"] // case["decimation"] + 1, case["columns"]
         self.recording = Recording(np.full((rows, len(columns)), -1.0)).start(len(self.parts))
         self.player = Player([self.layout.inlets[port("u", (0, 0))]][: case["signals"]], self.signals)

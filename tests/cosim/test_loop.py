@@ -72,11 +72,10 @@ def test_file_that_is_no_library_counts_as_none(tmp_path, monkeypatch):
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_structures_are_those_of_c(tmp_path):
-    kinds = (compiled.Link, compiled.WatchInC, compiled.ExchangeInC, compiled.PartInC, compiled.Loop)
-    structure = {kind: kind.__name__.removesuffix("InC") for kind in kinds}
-    fields = [(structure[kind], name) for kind in kinds for name, _ in kind._fields_]
+    kinds = (compiled.Link, compiled.WatchInC, compiled.Exchange, compiled.PartInC, compiled.Loop)
+    fields = [(kind.__name__, name) for kind in kinds for name, _ in kind._fields_]
     lines = [f'printf("%zu ", offsetof({kind}, {name}));' for kind, name in fields]
-    lines += [f'printf("%zu ", sizeof({structure[kind]}));' for kind in kinds]
+    lines += [f'printf("%zu ", sizeof({kind.__name__}));' for kind in kinds]
     source, program = tmp_path / "layout.c", tmp_path / "layout"
     head = f'#include <stdio.h>\n#include "{compiled.SOURCE.as_posix()}"\n'
     source.write_text(head + "int main(void)\n{\n" + "\n".join(lines) + "\n}\n")

@@ -14,7 +14,7 @@ from gapsense.kernels.kernel import Kernel
 KERNEL = Kernel(integral)
 PAR = integral.Parameters(
     sample_time=DT, prior_resistance=77.5, prior_inductance=50e-3, prior_flux_linkage=0.0, noise_current=1e-3,
-    gate_sigmas=3.29, edge_voltage=15.0, offline=0.0,
+    noise_voltage=15e-3, gate_sigmas=3.29, edge_voltage=15.0, offline=0.0,
     range_voltage=100.0, range_current=0.0,
 )  # fmt: skip
 ORACLE = (DT, 77.5, 50e-3, 0.0, 3.29e-3, 15.0)
@@ -159,3 +159,56 @@ def test_nothing_but_lost_readings() -> None:
     found = run(np.full(50, np.nan), np.full(50, np.nan))
     assert all(np.all(np.isfinite(values)) for values in found.values())
     assert np.all(found["health"] == 0.0) and np.all(found["resistance"] == 77.5)
+
+
+BY_ITSELF = PAR._replace(edge_voltage=0.0)
+
+
+@pytest.mark.parametrize("supply", [0.2, 3.0, 12.0, 30.0, 90.0])
+def test_operations_begin_by_what_the_voltage_does(supply: float) -> None:
+    """Those of 30 V with all voltages and noises scaled: resistance as there, at any supply."""
+    scale, signal = supply / 30.0, valve_like(cycles=6)
+    par = BY_ITSELF._replace(noise_current=1e-3 * scale, noise_voltage=15e-3 * scale)
+    found = run(signal.u * scale, signal.iota * scale, par)
+    expected = run(signal.u, signal.iota, PAR)
+    np.testing.assert_allclose(found["resistance"], expected["resistance"], rtol=1e-12)
+    np.testing.assert_allclose(found["flux_linkage"], expected["flux_linkage"] * scale, rtol=0.0, atol=1e-12 * scale)
+
+
+def test_a_sample_of_the_voltage_that_holds_a_part_of_the_edge_belongs_to_the_operation() -> None:
+    """A converter that takes the mean over the sampling period: 3 V, then 30 V is one edge."""
+    signal = valve_like(cycles=3, noise=0.0)
+    u = signal.u.copy()
+    first = np.flatnonzero(np.diff(u) > 15.0) + 1
+    u[first[0]] = 3.0
+    found = run(u, signal.iota, BY_ITSELF._replace(noise_current=0.0))
+    sums = np.cumsum(u[first[0] : first[1]]) - 77.5 * np.cumsum(signal.iota[first[0] : first[1]])
+    np.testing.assert_allclose(found["flux_linkage"][first[0] - 1 : first[1] - 1], DT * sums, atol=1e-12)
+
+
+@pytest.mark.parametrize("wild", [False, True], ids=["a lower supply", "a spike"])
+def test_a_lower_supply_is_learnt(wild: bool) -> None:
+    """After 90 V, for an operation or a sample, come 12 V: a quarter of 90 V is forgotten in 4096 driven samples."""
+    high, low = valve_like(cycles=1), valve_like(cycles=30, rest=0, seed=2)
+    if wild:
+        high = high._replace(u=np.where(np.arange(high.u.size) == 50, 90.0, 0.4 * high.u), iota=0.4 * high.iota)
+    else:
+        high = high._replace(u=3.0 * high.u, iota=3.0 * high.iota)
+    found = run(np.r_[high.u, 0.4 * low.u], np.r_[high.iota, 0.4 * low.iota], BY_ITSELF)
+    np.testing.assert_allclose(found["resistance"][-400:], 76.0, rtol=5e-3)
+
+
+def test_a_capacitor_that_discharges_begins_one_operation() -> None:
+    """Its voltage falls through the level in steps of a converter, up and down with the noise."""
+    signal, n = operations(2000, 2000), 1000
+    u = np.where(signal.u > 15.0, signal.u, 0.0)
+    u[12 : 12 + n] = np.round(30.0 * np.exp(-np.arange(n) / 500.0) + 0.3 * np.random.default_rng(4).standard_normal(n))
+    found = run(u, signal.iota, BY_ITSELF)
+    np.testing.assert_array_equal(found["resistance"][: 12 + 1999], 77.5)
+
+
+def test_noise_at_rest_begins_nothing() -> None:
+    signal = valve_like(cycles=3, rest=20000)
+    offset = 5e-3  # of the current: any operation of noise alone would have R = 0 V / 5 mA
+    found = run(signal.u, signal.iota + np.where(np.arange(signal.u.size) < 15000, offset, 0.0), BY_ITSELF)
+    assert np.all(found["resistance"][:20399] == 77.5)

@@ -42,18 +42,28 @@ class Bench:
         return (self.time, float(self.is_on), self.current, innovation, mode, causes, self.windows, 0.6, *found)
 
     def operate(
-        self, profile: Sequence[float] = (0.0,) * 8, causes: float = 0.0, moves: bool = True, share: float = 1.0
+        self,
+        profile: Sequence[float] = (0.0,) * 8,
+        causes: float = 0.0,
+        moves: bool = True,
+        share: float = 1.0,
+        spike: float = 0.0,
     ) -> None:
-        """One operation with mean innovations of a profile, a closing or an opening in turn, and of a current."""
+        """One operation with mean innovations of a profile, a closing or an opening in turn, and of a current.
+
+        A spike is added to the last innovation after the landing of a closing.
+        """
         self.is_on, rests = not self.is_on, 1.0 if self.is_on else 3.0
         self.windows += 1.0
         means = np.array(profile[:4] if self.is_on else profile[4:]) + USUAL * self.rng.standard_normal(4)
         modes = [rests, rests, 2.0, 4.0 - rests, 4.0 - rests]
-        for mean, mode, count in zip((5.0, *means), modes, (1, *PHASES)):  # the edge does not count
-            for _ in range(count):
+        spikes = (0.0, 0.0, 0.0, spike if self.is_on else 0.0, 0.0)
+        for mean, last, mode, count in zip((5.0, *means), spikes, modes, (1, *PHASES)):  # the edge does not count
+            for k in range(count):
                 self.time += 1e-3
                 self.current = share * ((30.0 / self.values[0] if self.is_on else 0.0) + float(mean))
-                given = self.sample(float(mean), mode if moves else rests, causes)
+                innovation = float(mean) + (last if k == count - 1 else 0.0)
+                given = self.sample(innovation, mode if moves else rests, causes)
                 self.state, self.outputs = KERNEL["step"](self.state, given, self.par)
 
     def said(self, *wanted: str) -> list[float]:
@@ -130,6 +140,30 @@ def test_a_circuit_without_a_current_is_open(bench: Bench, share: float, cause: 
     for moves in (True, share > 0.0, True):
         bench.operate([0.6 * x for x in direction(entries)], causes=1.0, moves=moves, share=share)
     assert bench.said("cause") == [CAUSES.index(cause) + 1.0]
+
+
+def test_what_mhe_does_while_it_feeds_the_current_back_is_no_part_of_a_profile(bench: Bench) -> None:
+    """It then may have far more current than the coil, without a motion."""
+    entries = next(s.entries for s in SUDDEN if s.cause == "stuck_lower")
+    if not bench.is_on:
+        bench.operate()
+    profile = [0.1 * x for x in direction(entries)]
+    assert operated(bench, 3, profile=profile, causes=1.0, spike=-1.2)[-1] == float(Verdict.faulty)
+    assert bench.said("cause") == [CAUSES.index("stuck_lower") + 1.0]
+    assert bench.said("profile_closing_before", "profile_closing_landed") == pytest.approx(
+        [profile[0], profile[2]], abs=3.0 * USUAL
+    )
+
+
+def test_the_current_of_a_coil_that_has_cooled_counts(bench: Bench) -> None:
+    """It is more than usual closings end with, and so is that of `Mhe`."""
+    bench.values[0] *= 0.8
+    if bench.is_on:
+        bench.operate()
+    operated(bench, 2, profile=[0.0, 0.0, -0.01, -0.012, 0.0, 0.0, 0.0, 0.0])
+    assert bench.said("profile_closing_landed", "profile_closing_held") == pytest.approx(
+        [-0.01, -0.012], abs=3.0 * USUAL
+    )
 
 
 def test_neither_noise_nor_a_cold_coil_nor_mhe_alone_is_a_fault(bench: Bench) -> None:

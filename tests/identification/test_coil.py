@@ -22,7 +22,7 @@ from gapsense.identification.coil.fit import (
     size_of,
     validate_coil,
 )
-from gapsense.identification.coil.show import tuning
+from gapsense.identification.coil.show import remarks, tuning
 from gapsense.identification.identify import coil_of
 from gapsense.identification.least_squares import currents
 from gapsense.identification.measurements.reading import read_record
@@ -188,3 +188,22 @@ def test_converter_hides_offsets_only_where_noise_is_less_than_its_steps():
     assert hidden(np.round(x), rest) == 0.5
     assert hidden(np.round(x + rng.normal(size=x.size)), rest) == 0.0
     assert hidden(x + 1e-3 * rng.normal(size=x.size), rest) == 0.0
+
+
+def pair(gain: float, seed: int) -> list:
+    """Single pulses of 12 V and 6 V in noise of 60 mA, which hides that the second current is too large."""
+    strong, weak = (coil_record(pulses=(v,), noise=0.06, seed=seed + k) for k, v in enumerate((12.0, 6.0)))
+    return [strong, weak._replace(current=gain * weak.current)]
+
+
+@pytest.mark.parametrize("seed", [101, 111, 121])  # 1, 11 and 21 were tried
+def test_records_that_disagree_beyond_chance_have_errors_that_say_so(seed):
+    """Both are explained to their noise; the error was 0.15 % for inductances 3 % apart."""
+    both, each = fit_coil(pair(1.03, seed)), [fit_coil([one]).inductance for one in pair(1.03, seed)]
+    assert both.is_explained and "air" in both.contrary
+    error = both.inductance_error * both.inductance
+    assert all(abs(one - both.inductance) < 3.0 * error for one in each), (each, both.inductance, error)
+    assert "disagree beyond chance" in " ".join(remarks(both))
+    agreeing = fit_coil(pair(1.0, seed))
+    assert not agreeing.contrary and agreeing.inductance_error < 2e-3
+    assert "disagree" not in " ".join(remarks(agreeing))

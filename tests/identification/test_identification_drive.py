@@ -12,6 +12,7 @@ from valve_records import record
 
 from gapsense.identification import identify as choice
 from gapsense.identification.measurements.checks import operation_problems
+from gapsense.identification.measurements.operations import hum
 from gapsense.identification.options import CONVENTIONS
 from gapsense.identification.residual import residual, verdict
 from gapsense.identification.valve.driver import UNKNOWN, doubt_resistance, driver_notes, read_driver
@@ -83,6 +84,26 @@ def test_hum_of_a_milliampere_is_no_offset():
     result = fit_valve(both, VALVE, starts=1, sought=Sought(("eddy",)))
     said = " ".join(remarks(result))
     assert not result.is_explained and "the usual cause is hum of the mains" in said and "offset" not in said
+
+
+@pytest.mark.parametrize("seed", [14, 15])
+def test_hum_is_told_from_offset_and_drift_where_edges_lie_anywhere(seed):
+    """At rest it shows whatever the fit does; 3 mA move the current at rest so far that the record is refused."""
+    drive = {"period": 16.03e-3, "on": 5.02e-3, "edge": 0.2}
+    rng = np.random.default_rng(seed)
+    both = [imperfect(Condition(hum=1e-3, **drive), volts, n, rng) for volts, n in ((30.0, 3), (24.0, 2))]
+    result = fit_valve(both, VALVE, starts=1, sought=Sought(("eddy",)))
+    said = " ".join(remarks(result))
+    assert not result.is_explained and "goes with 50 Hz: the usual cause is hum of the mains" in said
+    assert "offset of" not in said and "drift" not in said
+    found = hum(made(seed, 4, hum=3e-3, **drive))
+    assert found and found.frequency == 50.0 and found.amplitude == pytest.approx(3e-3, rel=0.15)
+    assert not hum(made(seed, 4, **drive)) and not hum(made(seed, 4, drift=10e-3, **drive))
+
+
+def test_hum_that_moves_the_current_at_rest_is_no_drift():
+    wrong = [text for seed in range(4) for text in operation_problems(made(seed, 2, hum=4e-3), "x.csv", None)]
+    assert wrong and all("goes with 50 Hz: hum of the mains" in text for text in wrong), wrong
 
 
 def test_filter_of_both_channels_makes_no_eddy_currents():

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from valve_records import PERIOD, REST, columns, record, write
 
-from gapsense.identification.measurements.operations import estimate, operations, starts
+from gapsense.identification.measurements.operations import Operation, estimate, operations, starts
 from gapsense.identification.measurements.prepare import remaining
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import Columns, to_record
@@ -52,7 +52,7 @@ def test_fast_decay_by_a_clamp():
 def test_single_shot_is_one_operation():
     shot = record(periods=1, seed=3)
     (operation,) = operations(shot)
-    assert operation == (REST, REST + round(PERIOD / shot.dt))
+    assert operation == Operation(REST, REST + round(PERIOD / shot.dt))
     assert estimate(shot, [operation]).resistances == pytest.approx([76.0], rel=2e-3)
 
 
@@ -96,7 +96,7 @@ def test_pulse_width_modulation_is_one_operation():
     times = np.arange(len(v)) * DT
     values = {"time": times, "voltage": np.array(v), "current": np.array(i) + 1e-3 * rng.standard_normal(len(i))}
     (operation,) = operations(to_record(Columns("pwm.csv", np.arange(len(v)) + 2, values), "end"))
-    assert operation == (49, 1049)
+    assert operation == Operation(49, 1049)
 
 
 def test_current_that_never_ends_is_cut_at_the_edges_of_the_voltage():

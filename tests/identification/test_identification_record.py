@@ -79,7 +79,7 @@ MALFORMED = {
     "repeated row": (lambda lines: lines.insert(20, lines[19]), [r"row 21: `time` is .* 0 s after the row before"]),
     "missing row": (lambda lines: lines.pop(30), [r"row 31: `time` is .* 0.0001 s after .* steps of 5e-05 s"]),
     "too short": (lambda lines: lines.__delitem__(slice(6, None)), [r"5 rows found, at least 8"]),
-    "cut": (lambda lines: lines.__delitem__(slice(100, None)), [r"no complete operation .* row 12\).*has ended"]),
+    "cut": (lambda lines: lines.__delitem__(slice(60, None)), [r"no complete operation .* row 12\).*has ended"]),
     "no edge": (lambda lines: lines.__delitem__(slice(10, None)), [r"no current flows"]),
     "not from rest": (lambda lines: lines.__delitem__(slice(1, 60)), [r"row 2 to \d+: `current` is 0\.\d+ A before"]),
 }

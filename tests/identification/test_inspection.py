@@ -10,11 +10,11 @@ from imperfect_records import Condition
 from imperfect_records import record as imperfect
 from valve_records import write
 
-from gapsense.identification.inspection.facts import facts, levels
+from gapsense.identification.inspection.facts import facts, fall, levels
 from gapsense.identification.inspection.show import checklist, curve, of_resistances, remarks
 from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.reading import read_record
-from gapsense.identification.measurements.record import to_record
+from gapsense.identification.measurements.record import part, to_record
 from gapsense.report.plot import panels, suited
 from gapsense.scenarios.semera_valve.measuring import GOOD, Instruments, Pulses, measure
 
@@ -26,7 +26,7 @@ def test_one_discharge_gives_resistance_flux_and_inductance(file, ohms):
     found = facts(read_record(RECORDS / file))
     (pulse,) = found.pulses
     assert pulse.resistance == pytest.approx(ohms, rel=0.01)
-    assert pulse.closing is None and pulse.opening is None and found.incomplete == 0
+    assert pulse.closing is None and pulse.opening is None and not found.begun
     assert [found.signals[name].step for name in ("current", "voltage")] == pytest.approx([4.0, 2.0])
 
 
@@ -40,7 +40,7 @@ def test_clamp_is_a_level_and_the_last_pulse_is_incomplete():
     measured = read_record(RECORDS / "synthetic-flyback-clamp.csv")
     assert levels(measured.voltage) == pytest.approx([-40.0, 0.0, 24.0], abs=0.1)
     found = facts(measured)
-    assert len(found.pulses) == 4 and found.incomplete == 1
+    assert len(found.pulses) == 4 and len(found.begun) == 1
 
 
 def test_eddy_currents_of_a_solid_core_are_not_a_current_before_its_voltage():
@@ -200,3 +200,36 @@ def test_long_record_is_drawn_with_few_points_and_its_extremes():
 def test_axes_have_units_that_suit_the_values(largest, label, factor):
     text, scale = suited("current", "A", np.array([0.0, -largest]), np.array([np.nan, 0.5 * largest]))
     assert text == label and scale == pytest.approx(factor)
+
+
+@pytest.mark.parametrize("on", [5e-3, 0.03, 0.4])
+@pytest.mark.parametrize("noise", [1.0, 4.0])
+def test_closing_is_seen_however_long_the_coil_is_held(on, noise):
+    """In 0.4 s the current was averaged over 16 ms, in which the mover lands."""
+    c = Condition(on=on, period=on + 12e-3, noise=noise)
+    (pulse,) = facts(imperfect(c, 30.0, 1, np.random.default_rng(3))).pulses
+    assert pulse.closing and pulse.closing.begin == pytest.approx(2.8e-3, abs=0.25e-3)
+    assert pulse.closing.end == pytest.approx(3.4e-3, abs=0.25e-3)
+
+
+def test_closing_is_seen_in_an_operation_without_an_end():
+    whole = imperfect(Condition(), 30.0, 1, np.random.default_rng(3))
+    cut = part(whole, slice(0, 75))  # 1 ms after the landing
+    found = facts(cut)
+    assert not found.pulses and found.begun[0].closing
+    items = {item.what: item for item in checklist(found, 0)}
+    assert items["motion, closing"].answer == "yes" and items["`commission`"].answer == "yes"
+
+
+def test_noise_on_a_current_that_settles_is_no_motion():
+    for seed in range(30):
+        rng, t = np.random.default_rng(seed), np.arange(30_000)
+        current = 1.0 - np.exp(-t / 100.0) + 0.01 * rng.standard_normal(t.size)
+        assert fall(current, 0.01, 1e-3) is None, seed
+
+
+def test_coil_that_is_held_to_the_end_says_so():
+    found = facts(imperfect(Condition(on=14e-3, period=14e-3), 30.0, 1, np.random.default_rng(5)))
+    assert found.pulses[0].closing and not found.begun
+    items = {item.what: item for item in checklist(found, 0)}
+    assert "held to the end" in items["motion, opening"].why and items["`identify`"].answer == "yes"

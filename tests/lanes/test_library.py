@@ -30,7 +30,7 @@ FOUND = "[[8.0, 14.0]]"
 def fresh(tmp_path, monkeypatch):
     """An empty cache that nothing of which is known."""
     monkeypatch.setenv(library.CACHE, str(tmp_path / "cache"))
-    for function in (library.loaded, library.tuned, library.own_folder, library._tell):
+    for function in (library.loaded, library.tuned, library.own_folder, library._warn):
         function.cache_clear()
         monkeypatch.setattr(library, function.__name__, function)
     yield tmp_path / "cache"
@@ -38,7 +38,7 @@ def fresh(tmp_path, monkeypatch):
 
 
 def text(number: float = 2.0) -> str:
-    return library.source([Code(graph(lambda a, b, c: a * b + where_(number, c)))])
+    return library.source(Code(graph(lambda a, b, c: a * b + where_(number, c))))
 
 
 def where_(number: float, c):
@@ -72,7 +72,7 @@ def test_many_processes_compile_at_once(tmp_path, compiler):
     own = {**os.environ, "PYTHONPATH": path, **environment}
     running = [subprocess.Popen([sys.executable, "-c", TRY], env=own, stdout=subprocess.PIPE) for _ in range(3)]
     assert {process.communicate()[0].decode().strip() for process in running} == {f"{FOUND} True"}
-    assert len([*(tmp_path / "cache").iterdir()]) == 1
+    assert len([*(tmp_path / "cache").iterdir()]) == 2  # the function, and what calls it
 
 
 @pytest.mark.parametrize("named", ["no-such-compiler", "false"])
@@ -96,6 +96,14 @@ def test_a_library_that_does_not_load_is_told(fresh, compiler, monkeypatch):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert library.loaded(text()) is None
+
+
+def test_plans_and_kernels_share_what_is_compiled(fresh, compiler):
+    one, two, three = (Code(graph(f)) for f in (lambda a, b, c: a + b, lambda a, b, c: a * c, lambda a, b, c: b - c))
+    for codes in ((one, two), (two, three), (three,)):
+        made = plan(lambda given, codes=codes: [x for code in codes for x in code(given)], given=3)
+        assert made.library and made.run(2, given=[[1.0], [2.0], [4.0]]).shape == (len(codes), 2)
+    assert len([*fresh.iterdir()]) == 4  # three functions, and what calls them
 
 
 def cut(file: Path) -> None:
@@ -144,14 +152,16 @@ def test_what_is_not_as_it_was_compiled_is_compiled_anew(harm, tmp_path, compile
     needs_root(harm is given_away)
     cache = {library.CACHE: str(tmp_path / "cache")}
     assert child(**cache).stdout.strip() == f"{FOUND} True"
-    (file,) = (tmp_path / "cache").iterdir()
-    content = file.read_bytes()
-    harm(file)
+    contents = {file: file.read_bytes() for file in (tmp_path / "cache").iterdir()}
+    for file in contents:
+        harm(file)
     for _ in range(2):
         done = child(**cache)
         assert done.stdout.strip() == f"{FOUND} True", done.stderr
-    assert file.lstat().st_mode & 0o170777 == 0o100700 and file.lstat().st_uid == os.geteuid()
-    assert file.read_bytes() == content and "anew" not in done.stderr
+    assert len(contents) == 2 and "anew" not in done.stderr
+    for file, content in contents.items():
+        assert file.lstat().st_mode & 0o170777 == 0o100700 and file.lstat().st_uid == os.geteuid()
+        assert file.read_bytes() == content
 
 
 def needs_root(is_needed: bool) -> None:

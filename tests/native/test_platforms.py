@@ -6,6 +6,7 @@ import os
 import shutil
 import struct
 import sys
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -80,9 +81,16 @@ def test_fmi_3_has_all_platforms_in_one_fmu(
 
 @pytest.mark.slow
 def test_fmus_for_two_platforms_are_small(everywhere: Path) -> None:
-    sizes = {path.name: path.stat().st_size for path in everywhere.glob("*.fmu")}
+    sizes = {path.name: size_without_macos(path) for path in everywhere.glob("*.fmu")}
     assert len(sizes) == len(FOLDERS)
     assert {name: size for name, size in sizes.items() if size >= LARGEST} == {}
+
+
+def size_without_macos(path: Path) -> int:
+    with zipfile.ZipFile(path) as fmu:
+        left_out = [item.compress_size for item in fmu.infolist() if item.filename.startswith("binaries/darwin64/")]
+    assert len(left_out) == 1
+    return path.stat().st_size - left_out[0]
 
 
 @pytest.mark.slow
@@ -99,8 +107,7 @@ def test_a_second_build_gives_the_same_bytes(everywhere: Path, tmp_path: Path) -
 @pytest.mark.slow
 def test_macos_library_holds_both_processors(everywhere: Path, tmp_path: Path) -> None:
     """It cannot be run here."""
-    (_, path), *_ = package.build([ROOT / "fmus" / "semera"], tmp_path, ("darwin64",), {})
-    library = unpack(path, tmp_path / "unpacked").library(".dylib").read_bytes()
+    library = unpack(everywhere / "Semera.fmu", tmp_path / "unpacked").library(".dylib").read_bytes()
     magic, count = struct.unpack_from(">II", library)
     assert (magic, count) == (FAT_MAGIC, 2)
     for k, processor in enumerate((0x01000007, 0x0100000C)):

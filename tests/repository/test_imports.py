@@ -22,7 +22,7 @@ OF_KERNELS = (  # in order: each may import those before it
     "integrate", "interpolate", "random", "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
-    "version", "shipped", "native", "problems", "locks", "files", "tables", "parameters", "checked",
+    "version", "shipped", "native", "structures", "problems", "locks", "files", "tables", "parameters", "checked",
     "importable", "interrupts", "processes", "prestart", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)

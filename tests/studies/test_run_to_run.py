@@ -359,7 +359,7 @@ def test_measures():
 def test_warnings_are_told_bit_by_bit():
     bits = np.zeros((40, 4))
     bits[:30], bits[30:, 0], bits[39, 1] = 15.0, 5.0, 8.0
-    assert warned(made(np.ones(40))._replace(warnings=bits)) == [0.25, 0.0, 0.25, 1 / 40, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert warned(made(np.ones(40))._replace(warnings=bits)) == [0.25, 0.0, 0.25, 1 / 40, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 
 
 def test_what_was_noticed_is_counted_by_operation():

@@ -17,7 +17,7 @@ from gapsense.identification.options import OPTIONS, OUTPUTS, SHIPPED, key
 from gapsense.report.table import text
 from gapsense.shipped import RECORDS
 
-NAMES = ("inspect", "identify", "commission", "gap_law", "estimate", "compare")
+NAMES = ("inspect", "identify", "commission", "gap_law", "fem", "estimate", "compare")
 ONLY_HERE = {"progress"}
 ONLY_THERE = {"compare": {"figure"}}  # `Comparison` has no figure of its own
 RECORD = RECORDS / "sample_valve.csv"

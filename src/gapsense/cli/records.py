@@ -103,6 +103,17 @@ the gaps that are left out; `gapsense identify --parameters gap.toml` goes on fr
         out=Path("gap.toml"),
     )
 )
+command("fem")(
+    of(
+        functions.fem,
+        "",
+        """
+Writes a gap law and a core for the estimators, and beside them flux linkage and force as one smooth energy for the
+plant `TableActuator`. Prints what must hold and does not, with the worst place, and what the models leave. Exit code 1
+where the table contradicts itself.""",
+        out=Path("fem.toml"),
+    )
+)
 command("estimate")(
     of(
         estimate,

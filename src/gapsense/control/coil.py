@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gapsense.control.mover import balance, make_mover
 from gapsense.control.records import Coil, Inputs, Parameters
 from gapsense.estimators.gap import gap, make_gap
 from gapsense.estimators.readings import can_be_read
@@ -14,7 +15,9 @@ LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]
 TREND = 0.1  # part of a change of the resistance that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
-DRIVEN = 0.9  # of the usual current: an ordinary closing that has less may not arrive
+DRIVEN, RAISED = 0.9, 1.2  # current of an ordinary closing: at least, of the usual one; after one that did not close
+OPEN, AFLOAT = 1.3, 0.8  # of the flux linkage that balances the spring of the open actuator; where the current changes
+OPENED = (0.9, 2.0)  # of its reluctance
 WARM = 0.85  # share of the voltage that the resistance may need
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
@@ -54,6 +57,7 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
         zero=0.0,
         top=0.0,
         shift=0.0,
+        needed=DRIVEN * usual_current(par),
     )
 
 
@@ -83,8 +87,7 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
     u = where(has_voltage, inputs.voltage - coil.voltage_zero, coil.last_voltage)
     i, T_s = where(has_current, inputs.current - coil.zero, coil.last_current), par.sample_time
     mean, share, late = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s), T_s / (LATE + T_s)
-    is_settled = fabs(coil.held_current - coil.late_current) < SETTLED * usual_current(par)
-    calm = where(is_late & is_settled, coil.calm + 1.0, 0.0)
+    calm = where(is_late & _is_settled(coil, par), coil.calm + 1.0, 0.0)
     dt = where(calm * T_s > CALM, 0.0, T_s)
     noise = coil.noise + where(calm > 0.0, late, 0.0) * (PER_CHANGE * fabs(i - coil.last_current) - coil.noise)
     new = coil._replace(
@@ -116,20 +119,15 @@ def usual_current(par: Parameters) -> Scalar:
 
 
 def driving(coil: Coil, par: Parameters) -> Scalar:
-    """Voltage of an ordinary closing: that which holds, or what a warm coil needs for `DRIVEN` of the usual current."""
-    needed = _needed(coil, par)
+    """Voltage of an ordinary closing: that which holds, or more, where its current needs that."""
+    needed = coil.resistance * coil.needed
     possible = where(needed < par.voltage_most, needed, par.voltage_most)
     return where(possible > par.voltage_hold, possible, par.voltage_hold)
 
 
 def is_scarce(coil: Coil, par: Parameters) -> Scalar:
     """Whether the resistance needs nearly all voltage: a slow approach may not arrive."""
-    return _needed(coil, par) > WARM * par.voltage_most
-
-
-def _needed(coil: Coil, par: Parameters) -> Scalar:
-    """Voltage that the resistance needs in an ordinary closing [V]."""
-    return DRIVEN * coil.resistance * usual_current(par)
+    return DRIVEN * coil.resistance * usual_current(par) > WARM * par.voltage_most
 
 
 def zeroed(coil: Coil, par: Parameters) -> Coil:
@@ -150,6 +148,31 @@ def held_resistance(coil: Coil, par: Parameters) -> Scalar:
     is_large = coil.held_current > HOLDS * usual_current(par)
     R = coil.held_voltage / where(is_large, coil.held_current, 1.0)
     return where(is_large, _possible(R, par), coil.resistance)
+
+
+def _is_settled(coil: Coil, par: Parameters) -> Scalar:
+    return fabs(coil.held_current - coil.late_current) < SETTLED * usual_current(par)
+
+
+def left_open(coil: Coil, par: Parameters) -> Scalar:
+    """Whether an ordinary closing that ends has left the mover open, by the reluctance.
+
+    A mover at the open stop has no more flux linkage than balances its spring there, with the current of an open gap;
+    one that floats on has less, by the resistance of a current that still changes.
+    """
+    m = make_mover(par)
+    flux = coil.flux - (coil.measured - coil.resistance) * coil.charge
+    is_driven = coil.held_current > HOLDS * usual_current(par)
+    share = flux / sqrt(balance(m.gap.largest, m))
+    is_gap = (open_flux(coil, par) > OPENED[0] * flux) & (open_flux(coil, par) < OPENED[1] * flux)
+    is_left = where(_is_settled(coil, par), is_gap & (share < OPEN), share < AFLOAT)
+    return is_driven & is_left
+
+
+def raised(coil: Coil) -> Coil:
+    """After an ordinary closing whose current did not close."""
+    needed = RAISED * coil.held_current
+    return coil._replace(needed=where(needed > coil.needed, needed, coil.needed))
 
 
 def _possible(R: Scalar, par: Parameters) -> Scalar:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.bend import arrived, landed
+from gapsense.control.coil import left_open, raised
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import is_after, planned
@@ -47,11 +48,27 @@ def listened(state: State, inputs: Inputs) -> Heard:
 def judged_by_contact(state: State, par: Parameters) -> State:
     """With its end: what the contact has said of it, and the current where it tells a stop that was hit before."""
     heard, is_plain = _with_hit(state, par), state.running.is_plain > 0.0
-    says_nothing = is_plain & (heard.takeoff < 1.0) & (heard.landing < 1.0)
+    says_nothing = is_plain & (heard.takeoff < 1.0) & (heard.landing < 1.0) & (state.is_open < 1.0)
     noted = state.noted._replace(unseen=where(says_nothing, 1.0, state.noted.unseen))
     has_landed = where(heard.landing > 0.0, 1.0, 0.0)
     state = state._replace(heard=heard, noted=noted)
     return _judged(state, state.running.command, has_landed, heard.landing * par.sample_time, par)
+
+
+def judged_by_reluctance(state: State, par: Parameters) -> State:
+    """With the end of an ordinary closing: whether the mover is open still, and gets more voltage the next time.
+
+    Where a contact says so too, it gets more from then on: a mover that hardly closes may seem open to the current.
+    """
+    by_contact, mode = state.by_model < 1.0, state.heard.last_mode
+    is_open = where(left_open(state.coil, par) & not_(by_contact & (mode == LOWER)), 1.0, 0.0)
+    is_sure = by_contact & (mode > LOWER) & (is_open > 0.0)
+    return state._replace(
+        coil=cond(is_sure, lambda: raised(state.coil), lambda: state.coil),
+        noted=state.noted._replace(open=is_open),
+        is_open=is_open,
+        is_strong=is_open,
+    )
 
 
 def judged_by_current(state: State, par: Parameters) -> State:
@@ -183,10 +200,11 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     # an estimator may be wrong: it has to say so of three ordinary closings in a row, and not twice in a row
     is_sure = (state.by_model < 1.0) | ((law.missed >= 2.0) & (state.is_strong < 1.0))
     is_weak = (has_landed < 1.0) & is_sure
+    kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
     law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, par))
     return state._replace(
         laws=laws.write(state.laws, half, law),
         fell=where(is_late, 1.0, 0.0),
-        is_strong=where(half > 0.0, where(is_plain & is_weak, 1.0, 0.0), state.is_strong),
+        is_strong=where(half > 0.0, where(is_plain & is_weak, 1.0, kept), state.is_strong),
     )

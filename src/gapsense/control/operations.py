@@ -15,7 +15,16 @@ from gapsense.control.coil import (
     wandering,
     zeroed,
 )
-from gapsense.control.judging import GOOD, LOWER, UPPER, YOUNG, judged_by_contact, judged_by_current, warned
+from gapsense.control.judging import (
+    GOOD,
+    LOWER,
+    UPPER,
+    YOUNG,
+    judged_by_contact,
+    judged_by_current,
+    judged_by_reluctance,
+    warned,
+)
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
 from gapsense.control.records import (
@@ -85,6 +94,7 @@ def _held(state: State, inputs: Inputs, par: Parameters) -> State:
     coil, is_plain = state.coil, state.running.is_plain > 0.0
     R = where(is_plain, held_resistance(coil, par), coil.resistance)
     state = state._replace(coil=coil._replace(measured=where(is_plain, R, coil.measured)))
+    state = cond(is_plain, lambda: judged_by_reluctance(state, par), lambda: state)
     state = _ended(state, R - coil.resistance, inputs, par)
     return state._replace(coil=_opening(state, is_plain, inputs, par))
 

@@ -124,9 +124,9 @@ class Outputs(NamedTuple):
     state: Scalar = output(
         "1",
         "0: no command yet, 1: first cycles, ordinary, 2: soft, 3: soft, but the last operation that was judged "
-        "did not arrive in time, 4: ordinary cycle after that",
+        "did not arrive in time, 4: ordinary cycle after that, 5: ordinary, as ordinary closings leave the mover open",
         min=0.0,
-        max=4.0,
+        max=5.0,
     )
     warnings: Scalar = output(
         "1",
@@ -134,9 +134,9 @@ class Outputs(NamedTuple):
         "faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no "
         "window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation "
         "landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary, 256: the current is "
-        "too noisy for what a contact teaches",
+        "too noisy for what a contact teaches, 512: an ordinary closing has left the mover open",
         min=0.0,
-        max=511.0,
+        max=1023.0,
     )
 
 
@@ -213,6 +213,7 @@ class Coil(NamedTuple):
     zero: Scalar  # of the current sensor [A]
     top: Scalar  # flux linkage with which closings end: its mean of late, or 0 [Wb]
     shift: Scalar  # of this cycle's flux linkage, towards that [Wb]
+    needed: Scalar  # current of an ordinary closing, at least [A]
 
 
 class Pass(NamedTuple):
@@ -240,6 +241,7 @@ class Noted(NamedTuple):
     hard: Scalar  # a soft operation landed hard
     changed: Scalar  # a soft operation landed hard or not at all, and what was learnt is not believed any more
     noisy: Scalar  # the current is too noisy for the flux linkage that a soft landing needs
+    open: Scalar  # an ordinary closing has left the mover open
 
 
 NOTHING = Noted(*[0.0] * len(Noted._fields))
@@ -267,8 +269,9 @@ class State(NamedTuple):
     smoothed_until: Scalar  # time of the last smoothed sample [s]
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive
     is_strong: Scalar  # 1: the voltage that holds is the largest one, as an ordinary closing did not arrive
+    is_open: Scalar  # 1: the last ordinary closing has left the mover open
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
     alarm: Scalar  # operations that are to be ordinary; negative: none is
     explained: Scalar  # 1: the estimator has explained a window in this cycle
-    remembered: Annotated[Array, Vector(9)]  # what was noticed in the last cycle
+    remembered: Annotated[Array, Vector(10)]  # what was noticed in the last cycle
     warnings: Scalar  # sum of what was noticed in this cycle, or in the last one

@@ -39,7 +39,7 @@ from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import cond, fabs, where
 
 FASTEST = 1e3  # impact speed that can be [m/s]
-IDLE, LEARNING, TRACKING, SHORT, BACK = 0.0, 1.0, 2.0, 3.0, 4.0  # states
+IDLE, LEARNING, TRACKING, SHORT, BACK, OPEN = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0  # states
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -87,6 +87,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         smoothed_until=inputs.time,
         is_ready=0.0,
         is_strong=0.0,
+        is_open=0.0,
         fell=0.0,
         alarm=0.0,
     )
@@ -145,7 +146,7 @@ def _readable(state: State, inputs: Inputs) -> Inputs:
 
 def _outputs(state: State, u: Scalar) -> Outputs:
     running = state.running
-    ordinary = where(state.is_ready == 0.0, LEARNING, BACK)
+    ordinary = where(state.is_open > 0.0, OPEN, where(state.is_ready == 0.0, LEARNING, BACK))
     soft = where(state.fell > 0.0, SHORT, TRACKING)
     return Outputs(
         voltage_reference=u,

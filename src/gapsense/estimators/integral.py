@@ -26,6 +26,9 @@ from gapsense.kernels.interface import option, output, parameter, ports, sample_
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, zeros
 from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where
 
+EDGE = 0.25  # of the highest voltage of late: more begins an operation
+AGAIN = 0.5  # of that level: the next one begins only after less
+CLEAR = 10.0  # noises of a voltage that drives something
 LENGTH = 4096  # samples of one operation that can be replayed; what comes after them is not
 SPARE = 2 * LENGTH  # element that takes the writes after that
 
@@ -42,7 +45,10 @@ class Parameters(NamedTuple):
     gate_sigmas: Scalar = parameter(
         "1", "Half width of the noise band, in standard deviations (3.29: 99.9 %)", 3.29, min=0.0
     )  # n_sigma
-    edge_voltage: Scalar = parameter("V", "An operation starts when the voltage rises above it", 15.0)
+    noise_voltage: Scalar = parameter("V", "Standard deviation of the voltage noise", 15e-3, min=0.0)  # sigma_v
+    edge_voltage: Scalar = parameter(
+        "V", "An operation starts when the voltage rises above it; 0: a quarter of the highest of late", 0.0, min=0.0
+    )
     offline: Scalar = option("Publish an operation after it has ended, with the resistance that it gave", False)
     range_voltage: Scalar = RANGE_VOLTAGE
     range_current: Scalar = RANGE_CURRENT
@@ -57,6 +63,8 @@ class State(NamedTuple):
     count: Annotated[Scalar, Count]  # samples in the running operation
     current: Scalar  # previous current measurement that was not lost [A]
     voltage: Scalar  # previous voltage measurement that was not lost [V]
+    highest: Scalar  # highest of late: of the last LENGTH or so that drove something [V]
+    is_on: Scalar  # 1 from the sample that begins an operation until a voltage of much less
     is_lost: Scalar  # 1 if a reading of the previous sample was lost
     losses: Scalar  # samples with lost readings in the running operation
     kept: Scalar  # how many operations in a row had some, and left the resistance as it was
@@ -117,6 +125,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         count=0.0,
         current=i,
         voltage=u,
+        highest=u,
+        is_on=where(u > _level(u, par), 1.0, 0.0),
         is_lost=1.0 - found.health,
         losses=0.0,
         kept=0.0,
@@ -175,10 +185,15 @@ def _opened(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
     An operation with lost readings leaves the resistance as it is, but the third in a row does not: it would go on
     being out of date.  A reading lost just before the edge counts for both, because the edge may have been there.
     """
-    is_edge = (u > par.edge_voltage) & (state.voltage <= par.edge_voltage)
+    faded = where(u > CLEAR * par.noise_voltage, (1.0 - 1.0 / LENGTH) * state.highest, state.highest)
+    highest = where(u > faded, u, faded)
+    level = _level(highest, par)
+    is_edge = (u > level) & (state.is_on == 0.0)
     is_kept = (state.losses > 0.0) & (state.kept < 2.0)
     r = where(is_kept, state.resistance, _mean_resistance(state, par))  # line 11, (47)
     return state._replace(
+        highest=highest,
+        is_on=where(is_edge, 1.0, where(u > AGAIN * level, state.is_on, 0.0)),
         resistance=where(is_edge, r, state.resistance),
         losses=where(is_edge, state.is_lost, state.losses),
         kept=where(is_edge, where(is_kept, state.kept + 1.0, 0.0), state.kept),
@@ -192,6 +207,12 @@ def _opened(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
         before=where(is_edge, state.current, state.before),
         last_before=where(is_edge, state.before, state.last_before),
     )
+
+
+def _level(highest: Scalar, par: Parameters) -> Scalar:
+    """Voltage that begins an operation: a part of the highest of late, and clear of the noise."""
+    part, least = EDGE * highest, CLEAR * par.noise_voltage
+    return where(par.edge_voltage > 0.0, par.edge_voltage, where(part > least, part, least))
 
 
 def _added(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
@@ -229,9 +250,9 @@ def _replayed(state: State, par: Parameters) -> Sample:
 
 
 def _mean_resistance(state: State, par: Parameters) -> Scalar:
-    """Ratio (47) of the ended operation; the previous value if the current is only noise: the ratio is 0/0 then."""
-    band = par.gate_sigmas * par.noise_current * sqrt(state.count)
-    is_known = fabs(state.current_sum) > band
+    """Ratio (47) of the ended operation; the previous value if voltage or current is only noise: a ratio of nothing."""
+    band, su, si = par.gate_sigmas * sqrt(state.count), fabs(state.voltage_sum), fabs(state.current_sum)
+    is_known = (si > band * par.noise_current) & (su > band * par.noise_voltage)
     return where(is_known, state.voltage_sum / where(is_known, state.current_sum, 1.0), state.resistance)
 
 

@@ -15,16 +15,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.identification.measurements.operations import coarse, hidden, noise, resolution, starts
+from gapsense.identification.measurements.operations import Hum, coarse, hidden, hum, noise, resolution, starts
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.valve.model import JUMP, Trajectory
+from gapsense.report.table import quantity
 
 EXPLAINED = 1.25  # times the noise
 FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
 SMALL = 3e-3  # of the largest current: less is none
 REST = 20  # samples before the first operation that tell the noise
 AFTER = 4  # samples after a jump of the voltage that count as its edge
-MAINS, PERIODS, HUMS = (50.0, 60.0), 2.0, 0.25  # Hz; that a record needs; part of the squares that is no chance
+HUMS = 3.0  # amplitudes of hum that a residual may have by it: in the voltage's balance and the offset, too
 CAUSES = {
     "edges": "what the voltage is between two samples (`--voltage`), or too few samples",
     "motion": "the mechanics, the law of the gap, or core losses or a saturation that this model does not have: see"
@@ -45,7 +46,7 @@ class Residual(NamedTuple):
     limit: float  # up to which the model explains the record [A]
     correlation: float  # of neighbouring residuals; 0 for noise
     places: Mapping[str, float]  # part of the squares, by where they lie
-    hum: Mapping[float, float]  # the same, by what has a frequency of the mains [Hz]
+    hum: Hum | None  # of the current at rest, if the residual may be due to it
 
     @property
     def is_explained(self) -> bool:
@@ -61,25 +62,18 @@ class Residual(NamedTuple):
 def residual(record: Record, model: Trajectory, first: int) -> Residual:
     """What the model, which begins at sample `first`, leaves of a record."""
     i, error = record.current[first:], record.current[first:] - model.current
-    squares, sigma = error**2, noise_of(record, first)
+    squares, sigma, found = error**2, noise_of(record, first), hum(record)
+    rms = float(np.sqrt(squares.mean()))
     places = {name: float(squares[at].sum() / squares.sum()) for name, at in _places(record, model, first).items()}
     return Residual(
         record=record.name,
-        rms=float(np.sqrt(squares.mean())),
+        rms=rms,
         noise=sigma,
         limit=max(EXPLAINED * sigma, _floor(i)),
         correlation=float(error[1:] @ error[:-1] / (error @ error)),
         places=places,
-        hum={f: _oscillating(error, f * record.dt) for f in MAINS if error.size * record.dt * f > PERIODS},
+        hum=found if found and rms**2 < sigma**2 + (HUMS * found.amplitude) ** 2 else None,
     )
-
-
-def _oscillating(error: Vector, step: float) -> float:
-    """Part of the squares that an oscillation explains, which goes on by `step` periods each sample."""
-    phase = 2.0 * np.pi * step * np.arange(error.size)
-    waves = np.stack((np.sin(phase), np.cos(phase)), axis=1)
-    left = error - waves @ np.linalg.lstsq(waves, error, rcond=None)[0]
-    return 1.0 - float(left @ left) / float(error @ error)
 
 
 def noise_of(record: Record, first: int) -> float:
@@ -129,15 +123,18 @@ def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, st
 
 def cause(found: Residual, causes: Mapping[str, str] = CAUSES) -> str:
     """What has usually gone wrong where such a residual is left."""
-    if said := hums([found]):
-        return f"{said}: the usual cause is hum of the mains"
-    return f"the usual cause is {causes[found.worst]}"
+    return hums([found]) or f"the usual cause is {causes[found.worst]}"
 
 
 def hums(found: Sequence[Residual]) -> str:
-    """How much of what is left of some records goes with a frequency of the mains; empty, if that may be chance."""
-    part, frequency = max(((part, f) for r in found for f, part in r.hum.items()), default=(0.0, 0.0))
-    return f"{100.0 * part:.0f} % of it goes with {frequency:g} Hz" if part > HUMS else ""
+    """That the usual cause is hum of the mains, if it is."""
+    most = max((r.hum for r in found if r.hum), key=lambda hum: hum.amplitude, default=None)
+    return f"{told(most)}: the usual cause is hum of the mains" if most else ""
+
+
+def told(found: Hum) -> str:
+    """How much hum there is."""
+    return f"{quantity(found.amplitude, 'A')} of the current at rest goes with {found.frequency:g} Hz"
 
 
 LEAST = 1e-3  # of the largest value: with less, an estimator takes what its model leaves for a fault

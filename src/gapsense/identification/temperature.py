@@ -117,7 +117,7 @@ def coefficient(records: Sequence[Record], fluxes: Sequence[Flux]) -> Coefficien
 
 def resistance(record: Record, flux: Flux) -> tuple[float, float]:
     """Resistance of all operations of a record, (23), and its standard error [Ohm]."""
-    i, inside = trapezoid(record.current), [operation.inside for operation in flux.operations]
+    i, inside = trapezoid(record.current), [operation.balanced for operation in flux.operations]
     charges = np.array([i[at].sum() for at in inside])
     charge, n = float(np.abs(charges.sum())), sum(i[at].size for at in inside)
     R = float(flux.resistances @ charges / charges.sum())

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from gapsense.cosim.run import events as run_events
 from gapsense.cosim.run.events import NEVER, Actor, noise
-from gapsense.cosim.run.part import Layout, constants, first_exchange, first_turn, player
+from gapsense.cosim.run.part import Layout, Wire, constants, first_exchange, first_turn, player
 from gapsense.cosim.run.recording import Subject, Take, shape
 from gapsense.cosim.scenario.records import Component, Experiment, Port, Watch, ports, texts
 from gapsense.fmi.native.headers import literal
@@ -126,16 +126,10 @@ class Wires(NamedTuple):
 def wires(subject: Subject, layout: Layout, component: Component, k: int) -> Wires:
     """What the loop has to know of the component of that number, as `structure` in `compiled.py` tells it."""
     scenario, experiment = subject.scenario, subject.scenario.experiment
-    own = [c for c in scenario.connections if c.target.component == component.name]
-    found = sorted(own, key=lambda c: c.converts)
-    ends = [(layout.inlets[c.target], layout.index[c.source]) for c in found]
-    links = [
-        f"{{{target}, {source}, {int(c.converts)}, {1.0 if c.factor is None else c.factor!r}, {c.bias or 0.0!r}}}"
-        for (target, source), c in zip(ends, found)
-    ]
-    is_fed = bool(links) or any(port.component == component.name for port in scenario.played)
-    for slot in layout.slots_of(component.name).values():
-        links.append(f"{{{slot.after}, {slot.before}, 0, 1.0, 0.0}}")
+    found = layout.wires(scenario.connections, component.name)
+    is_fed = bool(found) or any(port.component == component.name for port in scenario.played)
+    found += [Wire(slot.after, slot.before, False, 1.0, 0.0) for slot in layout.slots_of(component.name).values()]
+    links = [f"{{{w.target}, {w.source}, {int(w.converts)}, {w.factor!r}, {w.bias!r}}}" for w in found]
     inputs, outputs = (layout.of(component.name, causality) for causality in ("input", "output"))
     references = [layout.variables[port].reference for port in (*inputs, *outputs)]
     part = PART.format(

@@ -6,7 +6,6 @@ There is one for the loop, and one for each kernel.
 from __future__ import annotations
 
 import ctypes
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from math import inf
@@ -16,42 +15,19 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.structures import structures
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
-from gapsense.kernels.emit.lanes import held, is_array, same_over_runs
+from gapsense.kernels.emit.lanes import held, is_array
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, OverRuns, over_runs
-from gapsense.kernels.lanes.library import HERE, loaded
+from gapsense.kernels.lanes.library import addresses, loaded, with_types
 from gapsense.kernels.lanes.plan import Column
 from gapsense.kernels.layout import fields, names
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 Int, Size, Long, Pointer = ctypes.c_int, ctypes.c_ssize_t, ctypes.c_int64, ctypes.c_void_p
-NUMBERS = {"int": Int, "ptrdiff_t": Size, "int64_t": Long, "double": ctypes.c_double}
-TYPEDEF = re.compile(r"typedef struct \{(.*?)\} (\w+);", re.DOTALL)
-COMMENT, FIELDS = re.compile(r"/\*.*?\*/", re.DOTALL), re.compile(r"(?:const )?(\w+) ([\w*, ]+);")
-
-
-def structures(source: str) -> dict[str, Any]:
-    """The structures that a source of C declares, by name; one in another shares its fields with that."""
-    made: dict[str, Any] = {**NUMBERS, "Column": Column}
-    for body, name in TYPEDEF.findall(COMMENT.sub("", source)):
-        fields = [
-            (field.lstrip("*"), pointer(made.get(kind)) if field[0] == "*" else made[kind])
-            for kind, names in FIELDS.findall(body)
-            for field in names.split(", ")
-        ]
-        inner = [field for field, kind in fields if field == "block"]
-        made.setdefault(name, type(name, (ctypes.Structure,), {"_anonymous_": inner, "_fields_": fields}))
-    return made
-
-
-def pointer(kind: Any) -> Any:
-    """Pointer to a structure or to whole numbers; to anything else a plain address."""
-    return ctypes.POINTER(kind) if kind is Int or (kind and issubclass(kind, ctypes.Structure)) else Pointer
-
-
-MADE = structures((HERE / "lanes.h").read_text("utf-8") + SOURCE.read_text("utf-8"))
+MADE = structures(with_types(SOURCE.read_text("utf-8")), Column=Column)
 Call, Link, Stage, Range, Watch, Part = (MADE[name] for name in ("Call", "Link", "Stage", "Range", "Watch", "Part"))
 Loop, Runs, Signal = MADE["Loop"], MADE["Runs"], MADE["Signal"]
 
@@ -82,23 +58,16 @@ def functions(name: str) -> Functions | None:
     component = load_component(folder)
     kernel = kernel_of(component)
     codes = over_runs(kernel)
-    parts = [exported(name, code) for name, code in codes._asdict().items()]
-    library = loaded("\n".join([(HERE / "lanes.h").read_text("utf-8"), *same_over_runs(parts), *parts]))
-    if library is None:
+    found = addresses(codes)
+    if found is None:
         return None
-    addresses = (ctypes.cast(getattr(library, name), Pointer).value or 0 for name in codes._fields)
-    return Functions(component=component, folder=folder, kernel=kernel, codes=codes, addresses=tuple(addresses))
-
-
-def exported(name: str, code: Code) -> str:
-    """C of a function, under a name by which the library gives it away."""
-    return code.c.text.replace("static void NAME(", f"void {name}(", 1)
+    return Functions(component=component, folder=folder, kernel=kernel, codes=codes, addresses=tuple(found))
 
 
 @cache
 def loop() -> Any:
     """The library that does base steps; None where no compiler is."""
-    library = loaded("\n".join([(HERE / "lanes.h").read_text("utf-8"), SOURCE.read_text("utf-8")]))
+    library = loaded(with_types(SOURCE.read_text("utf-8")))
     if library is not None:
         part, loop, runs, signals = (ctypes.POINTER(kind) for kind in (Part, Loop, Runs, Signal))
         library.prepare.argtypes = [part, runs]

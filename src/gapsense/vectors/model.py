@@ -64,30 +64,20 @@ class Model:
     def part(self, member: Member) -> Any:
         """Structure of a part."""
         component = member.component
-        links, stages = self.links(component), self.stages_of(component)
+        wires, stages = self.layout.wires(self.scenario.connections, component.name), self.stages_of(component)
         duration, period = component.step * self.experiment.base_step, self.periods[component.name]
         played = {port.component for port in self.scenario.played}
         return structure(
             member.places,
             period or duration,
-            links=links,
+            links=[library.Link(*wire) for wire in wires],
             stages=stages,
-            follows=bool(links or stages or component.name in played),
+            follows=bool(wires or stages or component.name in played),
             duration=duration,
             samples=self.samples(component, duration, period),
             every=component.step,
             offset=component.offset,
         )
-
-    def links(self, component: Component) -> list[Any]:
-        """Connections into a part, those that convert last."""
-        found = [c for c in self.scenario.connections if c.target.component == component.name]
-        ends = [(self.layout.inlets[c.target], self.layout.index[c.source]) for c in found]
-        made = [
-            library.Link(*end, converts=c.converts, factor=1.0 if c.factor is None else c.factor, bias=c.bias or 0.0)
-            for end, c in zip(ends, found)
-        ]
-        return sorted(made, key=lambda link: link.converts)
 
     def stages_of(self, component: Component) -> list[Any]:
         """What events do to inputs of a part."""

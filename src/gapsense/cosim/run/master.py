@@ -87,10 +87,7 @@ class Master:
         for name in self.each(LOADING, self.order.names):
             component, instance = self.scenario.components[name], self.instance(name)
             self.parts.append(Part(component, instance, self.buffer, self.places, self.texts))
-        for part in self.parts:
-            for connection in self.scenario.connections:
-                if connection.target.component == part.component.name:
-                    part.connect(connection)
+            self.parts[-1].connect(self.scenario.connections)
 
     def instance(self, name: str) -> Instance:
         """Instance of a component, in a process of its own if the scenario wants that."""

@@ -40,6 +40,16 @@ Stepper = Callable[[float], str]
 NOT_FINITE = "not finite"
 
 
+class Wire(NamedTuple):
+    """What the loop copies: places in the buffer, and `factor * value + bias` if it converts."""
+
+    target: int
+    source: int
+    converts: bool
+    factor: float
+    bias: float
+
+
 @dataclass(frozen=True)
 class Layout:
     """Where each input and output lies in the common buffer, see `signals.ports`; a String has no place in it.
@@ -74,6 +84,15 @@ class Layout:
     def size(self) -> int:
         """Places in the buffer, at least one."""
         return max(1, len(self.variables) + 2 * len(self.slots))
+
+    def wires(self, connections: Sequence[Connection], component: str) -> list[Wire]:
+        """Connections of numbers into a component, those that convert last."""
+        found = []
+        for c in connections:
+            if c.target.component == component and c.target in self.index:
+                line = (1.0 if c.factor is None else c.factor, c.bias or 0.0)
+                found.append(Wire(self.inlets[c.target], self.index[c.source], c.converts, *line))
+        return sorted(found, key=lambda wire: wire.converts)
 
     def of(self, component: str, causality: str) -> list[Port]:
         """Inputs or outputs of a component, in the order of the buffer."""
@@ -202,9 +221,8 @@ class Part:
     ) -> None:
         self.component, self.instance, self.buffer, self.places = component, instance, buffer, places
         self.texts, self.spoken, self.problem = texts, list[tuple[Port, Port]](), ""
+        self.wires: list[Wire] = []
         self.outputs = places.of(component.name, "output")
-        self.plain: list[tuple[int, int]] = []
-        self.scaled: list[tuple[int, int, float, float]] = []
         self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
         self.is_played = False  # an input follows a signal of the scenario
         self.status = self.warnings = 0  # of the last call; steps that returned a warning
@@ -223,19 +241,13 @@ class Part:
     @property
     def follows(self) -> bool:
         """True if an input may change during a run."""
-        return bool(self.plain or self.scaled or self.stages or self.is_played or self.spoken)
+        return bool(self.wires or self.stages or self.is_played or self.spoken)
 
-    def connect(self, connection: Connection) -> None:
-        """Let an input follow an output from now on."""
-        if connection.target not in self.places.index:
-            self.spoken.append((connection.target, connection.source))
-            return
-        target, source = self.places.inlets[connection.target], self.places.index[connection.source]
-        if connection.converts:
-            factor = 1.0 if connection.factor is None else connection.factor
-            self.scaled.append((target, source, factor, connection.bias or 0.0))
-        else:
-            self.plain.append((target, source))
+    def connect(self, connections: Sequence[Connection]) -> None:
+        """Let inputs follow outputs from now on."""
+        self.wires = self.places.wires(connections, self.component.name)
+        own = self.places.spoken(self.component.name, "input")
+        self.spoken = [(c.target, c.source) for c in connections if c.target in own]
 
     def taker(self) -> Callable[[], str]:
         """Function that copies connected outputs into the inputs and sets these; returns what failed, or nothing."""
@@ -258,12 +270,14 @@ class Part:
 
     def copier(self) -> Callable[[], None]:
         """Function that copies connected outputs into the inputs."""
-        buffer, plain, scaled, stages = self.buffer, tuple(self.plain), tuple(self.scaled), tuple(self.stages.values())
+        buffer, stages = self.buffer, tuple(self.stages.values())
+        plain = tuple((wire.target, wire.source) for wire in self.wires if not wire.converts)
+        scaled = tuple(wire for wire in self.wires if wire.converts)
 
         def copy() -> None:
             for target, source in plain:
                 buffer[target] = buffer[source]
-            for target, source, factor, bias in scaled:
+            for target, source, _, factor, bias in scaled:
                 buffer[target] = factor * buffer[source] + bias
             for stage in stages:
                 value = buffer[stage.source]

@@ -116,16 +116,16 @@ def _begin(inputs: Inputs, last: Scalar) -> Operation:
 
 
 def _go_on(before: Operation, usually: Usual, inputs: Inputs, par: Parameters) -> Operation:
-    """The profile (1) with a sample more; neither the one at the edge counts, nor what is after a second motion."""
+    """The profile (1) with a sample more; not the one at the edge, nor what comes once `Mhe` feeds the current back."""
     moves, has_moved = (inputs.mode > 1.5) & (inputs.mode < 2.5), is_set(before.has_moved)
-    has_landed = before.rested > 0.0
-    is_known = not_(is_set(before.is_lost) | (moves & has_landed))
+    i = where(can_be_read(inputs.current, math.inf), inputs.current, before.last)
+    is_inside, is_again = before.age > 0.0, moves & (before.rested > 0.0)
+    is_beyond = is_inside & _is_beyond(i - inputs.innovation, i, usually)
+    is_known = not_(is_set(before.is_lost) | is_again | is_beyond)
     rested = where(moves | not_(has_moved), before.rested, before.rested + 1.0)
     rests = where(rested * par.sample_time > par.settle, float(Phase.held), float(Phase.landed))
     phase = where(moves, float(Phase.moving), where(has_moved, rests, float(Phase.before)))
-    is_inside = before.age > 0.0
     here = vector([where((phase == float(k)) & is_known & is_inside, 1.0, 0.0) for k in range(PHASES)])
-    i = where(can_be_read(inputs.current, math.inf), inputs.current, before.last)
     usual = _usual_phase(before.age, _half(usually.lengths, is_set(before.command)))
     there = vector([where((usual == float(k)) & is_inside, 1.0, 0.0) for k in range(PHASES)])
     return before._replace(
@@ -140,6 +140,12 @@ def _go_on(before: Operation, usually: Usual, inputs: Inputs, par: Parameters) -
         has_moved=flag(moves | has_moved),
         is_abnormal=where(_has_bit(inputs.health_causes, INNOVATION), 1.0, before.is_abnormal),
     )
+
+
+def _is_beyond(expected: Scalar, i: Scalar, usually: Usual) -> Scalar:
+    """Whether `Mhe` has more current than a closing ends with, and than there is: only fed back it does."""
+    most, found = fabs(usually.currents[Phase.held]), fabs(expected) / (1.0 + BACK)
+    return (most > 0.0) & (found > most) & (found > fabs(i))
 
 
 def _usual_phase(age: Scalar, lengths: Array) -> Scalar:

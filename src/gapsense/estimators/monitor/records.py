@@ -140,7 +140,7 @@ class Operation(NamedTuple):
     age: Scalar = 0.0  # samples
     rested: Scalar = 0.0  # samples since the landing
     is_commanded: Scalar = 1.0  # flag: it is not what was before the first change of the command
-    is_lost: Scalar = 0.0  # flag: `Mhe` has expected a second motion, or followed one
+    is_lost: Scalar = 0.0  # flag: `Mhe` feeds the current back, or has done so
     has_moved: Scalar = 0.0  # flag
     is_abnormal: Scalar = 0.0  # flag: by `Mhe`
 

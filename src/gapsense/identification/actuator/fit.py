@@ -92,7 +92,7 @@ class Problem(NamedTuple):
     def limits(self) -> tuple[Vector, Vector]:
         """Lowest and highest point."""
         places = self.deviations.size - len(self.names)
-        high = np.append(np.full(len(self.names), FURTHEST), np.ones(places))
+        high = np.append([furthest(name) for name in self.names], np.ones(places))
         return -high, high
 
     def residuals(self, points: Sequence[Vector]) -> Matrix:
@@ -153,9 +153,14 @@ def run(par: Parameters, volts: list[float]) -> Matrix:
 
 
 LONGEST, ENOUGH = 25, 1e-5  # steps, and relative fall of the cost with which they end
-FURTHEST = math.log(10.0)  # of a logarithm; 1 for places and offsets
+FURTHEST, GUESSED = math.log(10.0), math.log(1000.0)  # of a logarithm, and of one of losses; 1 for places and offsets
 NEAR = 0.999  # part of it that is at the limit
 PROMISES = 0.1  # part of the cost, by which a minimum is none
+
+
+def furthest(name: str) -> float:
+    """How far the logarithm of a field may go: losses are guesses, up to solid cores."""
+    return GUESSED if DEVIATIONS.get(name, 0.0) >= 1.0 else FURTHEST
 
 
 CAUSES = {
@@ -202,7 +207,7 @@ class Commissioned(NamedTuple):
     believed: Mapping[str, float]  # how wrong what was believed may have been, by field
     steps: int  # of the search
     promise: float  # part by which its next step would lower the cost, if that were a parabola
-    at_limit: Sequence[str]  # fields that end where the search does, `FURTHEST` from what was believed
+    at_limit: Sequence[str]  # fields that end where the search does, `furthest` from what was believed
 
     @property
     def errors(self) -> dict[str, float]:
@@ -302,7 +307,7 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
         believed=p.believed,
         steps=steps,
         promise=promise(p, x, J, r),
-        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * FURTHEST],
+        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * furthest(name)],
     )
 
 

@@ -14,12 +14,13 @@ is below the noise counts as noise: to fit the noise, or what little the edges l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import chdtri
 
 from gapsense._os.workers import Progress
 from gapsense.identification.coil import kernel as device
@@ -288,6 +289,7 @@ def effective(r: Vector) -> float:
     return float(np.clip(r.size / max(1.0 + 2.0 * sum(rho), 1e-9), 1.0, r.size))
 
 
+CHANCE = 6e-5  # that records disagree by more; for two that is four standard errors
 POOR = 0.25  # relative standard error from which a parameter counts as not identified: of losses 10 % is good
 
 
@@ -314,6 +316,7 @@ class Coil(NamedTuple):
     convention: str  # the voltage between samples, see `record.halves`
     records: Sequence[Record]  # with that voltage
     balanced: float | None  # (23), of the voltage as it was read, if its converter may hide an offset [Ohm]
+    contrary: Mapping[str, float]  # fields on which records disagree, and by what their errors were multiplied
 
     @property
     def errors(self) -> dict[str, float]:
@@ -402,7 +405,10 @@ def _coil(m: Fitted, found: Sequence[Fitted]) -> Coil:
     free = [name for name, at_limit in zip(names, is_held) if not at_limit]
     A = np.linalg.pinv(m.problem.jacobian(m.point)[:, ~is_held], rcond=1e-9)[: len(free)].astype(np.float64)
     ends = np.cumsum([r.current.size for r in runs])[:-1]
-    cov = np.sum([long_run(W, r) for W, r in zip(np.split(A, ends, axis=1), m.parts())], axis=0)  # with the misfit
+    parts = [*zip(np.split(A, ends, axis=1), m.parts())]
+    each = [long_run(W, r) for W, r in parts]  # with the misfit
+    wider = disagreement([W @ r for W, r in parts], [np.diag(one) for one in each])
+    cov = np.sum(each, axis=0) * np.outer(wider, wider)
     if balanced and "resistance" in free:  # hidden offsets: (23) takes them in another way than the fit
         cov[free.index("resistance"), free.index("resistance")] += np.log(balanced / par.resistance) ** 2
     return Coil(
@@ -418,7 +424,18 @@ def _coil(m: Fitted, found: Sequence[Fitted]) -> Coil:
         convention=m.problem.convention,
         records=[r.record for r in runs],
         balanced=balanced,
+        contrary={name: by for name, by in zip(free, wider.tolist()) if by > 1.0},
     )
+
+
+def disagreement(pulls: Sequence[Vector], variances: Sequence[Vector]) -> Vector:
+    """By what the errors are to be multiplied, for records that move the minimum by `pulls`, each its own way.
+
+    It is the root of chi-square of the combination by its degrees of freedom (R. T. Birge 1932); 1 within chance.
+    """
+    free = max(1, len(pulls) - 1)  # one record disagrees with none
+    squares = np.sum(np.square(pulls) / np.maximum(variances, 1e-300), axis=0)
+    return np.where((len(pulls) > 1) & (squares > chdtri(free, CHANCE)), np.sqrt(squares / free), 1.0)
 
 
 def trajectory(par: Parameters, record: Record, first: int, voltage: float = 0.0, current: float = 0.0) -> Trajectory:

@@ -16,7 +16,6 @@ from gapsense.identification.residual import noises, verdict
 from gapsense.identification.show import TWO_SIDED, Validation, about, validation
 from gapsense.report.table import quantity, table
 
-EDGE = 0.25  # of the largest voltage: more begins an operation
 RANGE = 2.0  # times the largest reading: more counts as lost
 CERTAIN = {"resistance": 0.01, "inductance": 0.05}  # deviations that estimators begin with, at least
 
@@ -90,7 +89,6 @@ def tuning(result: Coil) -> dict[str, float]:
         **noises(result.records),
         "range.voltage": RANGE * max(float(np.abs(x).max()) for x in volts),
         "range.current": RANGE * max(float(np.abs(x).max()) for x in amperes),
-        "edge.voltage": EDGE * min(float(np.abs(x).max()) for x in volts),
     }
 
 
@@ -162,6 +160,12 @@ def remarks(result: Coil) -> list[str]:
             for r, x in zip(result.residuals, result.records)
             if (noise := r.noise / float(np.abs(x.current).max())) > HIDES
         ]
+    if result.contrary:
+        names = ", ".join(f"{by:.2g} of `{PORTS[name].name}`" for name, by in result.contrary.items())
+        said.append(
+            f"The records disagree beyond chance, so that errors are multiplied, by {names}. The usual cause is a"
+            " saturation or a core loss of another kind, another temperature or another scale: identify each alone."
+        )
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
     said += hidden(result)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense._os.files import Sheet, no_numbers, number, read_sheet
+from gapsense._os.files import SHOWN, Sheet, more, no_numbers, number, read_sheet
 from gapsense.identification.gap_law.laws import FEWEST, Vector
 from gapsense.problems import InputError, listing
 from gapsense.report.table import quantity
@@ -169,9 +169,11 @@ def cells(sheet: Sheet, used: list[Column]) -> list[str]:
     """Cells of the used columns that hold no number."""
     at = {each.place for each in used}
     cut = [[text if k in at else "0" for k, text in enumerate(row)] for row in sheet.rows]
-    wrong = [text for row in cut for text in row if not np.isfinite(number(text) or 0.0)]
-    told = no_numbers(sheet._replace(rows=cut))
-    return told + ([f"{sheet.path}: `{wrong[0]}` found, a finite number expected. Correct it."] if wrong else [])
+    wrong = [(i, j) for i, row in enumerate(cut) for j, text in enumerate(row) if not np.isfinite(number(text) or 0.0)]
+    told = [
+        f"{sheet.place(i, j)}: `{cut[i][j]}` found, a finite number expected. Correct it." for i, j in wrong[:SHOWN]
+    ]
+    return no_numbers(sheet._replace(rows=cut)) + told + more(sheet.path, len(wrong), "cells are not finite")
 
 
 def values(sheet: Sheet, used: Column) -> Vector:

@@ -19,6 +19,7 @@ from gapsense.identification.measurements.operations import (
     noise,
     operations,
     resolution,
+    starts,
 )
 from gapsense.identification.measurements.prepare import FEWEST_AT_REST, offset
 from gapsense.identification.measurements.record import Columns, Offset, Record, Vector
@@ -159,7 +160,7 @@ def one(record: Record, operation: Operation, sigma: float) -> Lag | None:
 
 STEADY = 0.05  # of the largest voltage: a voltage that changes less is held
 SIGMAS = 6.0  # times the noise of what is compared
-SMOOTHED = 0.04  # part of a stretch over which the current is averaged
+SMOOTHED = (25, 100, 400, 1600)  # parts of a stretch over which the current is averaged, until a motion is seen
 LEAST = 1e-3  # of the largest current: a smaller change of its course is none
 GONE = 0.03  # of the largest current: less says nothing
 AFTER = 3  # samples after a change of the voltage, in which filters still follow
@@ -238,11 +239,19 @@ def held(v: Vector) -> list[tuple[int, int]]:
 
 
 def fall(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
-    """Where a rising current begins to fall, and where it rises again."""
-    width = max(1, round(SMOOTHED * i.size))
+    """Where a rising current begins to fall, and where it rises again: a coil may be held for long after that."""
+    for parts in SMOOTHED:
+        most = SIGMAS * float(np.sqrt(np.log(parts) / np.log(SMOOTHED[0])))  # more parts have larger extremes
+        if found := _fall(i, most * sigma, least, max(1, round(i.size / parts))):
+            return found
+    return None
+
+
+def _fall(i: Vector, chance: float, least: float, width: int) -> tuple[int, int] | None:
+    """The same of a current averaged over so many samples."""
     smooth = np.convolve(i, np.ones(width) / width, mode="valid")
     top = np.maximum.accumulate(smooth)
-    falls = np.flatnonzero(top - smooth > SIGMAS * sigma / np.sqrt(width) + least)
+    falls = np.flatnonzero(top - smooth > chance / np.sqrt(width) + least)
     if not falls.size:
         return None
     begin = int(np.argmax(smooth[: falls[0] + 1]))
@@ -303,6 +312,13 @@ class Pulse(NamedTuple):
     opening: Kink | None  # where the falling current falls faster again: it moves back
 
 
+class Begun(NamedTuple):
+    """An operation without an end."""
+
+    operation: Operation  # as far as it goes
+    closing: Kink | None
+
+
 class Facts(NamedTuple):
     """All of it."""
 
@@ -312,13 +328,18 @@ class Facts(NamedTuple):
     signals: Mapping[str, Signal]
     levels: list[float]  # of the voltage [V]
     pulses: list[Pulse]
-    incomplete: int  # operations without an end
+    begun: list[Begun]  # operations without an end
     path: Path
     lag: Lag | None  # of the current behind the voltage
     clipped: list[str]  # what is told of signals at the limits of their converters
     is_from_rest: bool  # no current flows before the first operation
     unready: list[str]  # why no model can begin with the record
     unfinished: list[str]  # why `identify` finds no operation in it
+
+    @property
+    def closings(self) -> list[Begun]:
+        """Those of all operations, with an end or without."""
+        return [*(Begun(pulse.operation, pulse.closing) for pulse in self.pulses), *self.begun]
 
 
 def facts(record: Record, period: float | None = None, may_clip: bool = False) -> Facts:
@@ -335,7 +356,7 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
         signals={name: signal(x, rest) for name, x in raw.items()},
         levels=levels(record.voltage),
         pulses=pulses(record, found, switched.carrier),
-        incomplete=max(0, len(activities(record)) - len(found)),
+        begun=begun(record, found, switched.carrier),
         path=switched,
         lag=lag(record, found),
         clipped=[] if may_clip else [text for name in raw for text in clipping(measured, name)],
@@ -343,6 +364,14 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
         unready=unready,
         unfinished=[] if unready else [*operation_problems(record, record.name, period)],
     )
+
+
+def begun(record: Record, found: list[Operation], switched: Carrier | None) -> list[Begun]:
+    """Operations that do not end, or not as they begin."""
+    sigma, ends = max(noise(record.current), hidden(record.current)), [end for _, end in activities(record)]
+    last = record.times.size - 1
+    left = [Operation(a, min(b, last)) for a, b in zip(starts(record), ends) if not found or a >= found[-1].stop]
+    return [Begun(at, closing(record, at, sigma, switched)) for at in left]
 
 
 def signal(x: Vector, rest: int) -> Signal:

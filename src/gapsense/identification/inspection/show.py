@@ -193,7 +193,8 @@ class Item(NamedTuple):
 def checklist(found: Facts, impaired: int) -> list[Item]:
     """All of it; `impaired` is the number of remarks on the record."""
     R, L = ([getattr(p, name) for p in found.pulses] for name in ("resistance", "inductance"))
-    seen = {"closing": [p.closing for p in found.pulses], "opening": [p.opening for p in found.pulses]}
+    closings = [each.closing for each in found.closings]
+    seen = {"closing": closings, "opening": [p.opening for p in found.pulses]}
     if found.pulses and (float(np.mean(R)) <= 0.0 or float(np.median(L)) <= 0.0):
         return [offsets(found), *(Item(what, NO, WRONG) for what in (*COIL, *map(MOTION, seen), *USES))]
     if found.pulses:
@@ -206,7 +207,7 @@ def checklist(found: Facts, impaired: int) -> list[Item]:
         Item(MOTION(way), *((YES, describe_kinks(found, kinks)) if any(kinks) else (NO, why[way])))
         for way, kinks in seen.items()
     ]
-    return [offsets(found), *coil, *moves, *uses(found, any(seen["closing"]), impaired)]
+    return [offsets(found), *coil, *moves, *uses(found, any(closings), impaired)]
 
 
 def offsets(found: Facts) -> Item:
@@ -260,6 +261,8 @@ def why_unseen(found: Facts) -> str:
 
 def why_no_way_back(found: Facts) -> str:
     """Why none is seen while it falls."""
+    if all(p.operation.held for p in found.pulses):
+        return "the coil is held to the end. Record until the current has ended."
     text, v = "the falling current has no bend.", found.signals["voltage"]
     if found.path.decay is not None and found.path.decay < 0.0 and v.smallest < -0.1 * v.largest:
         text += f" Against {quantity(found.path.decay, 'V')} it may have ended before the mover goes back:"
@@ -270,7 +273,8 @@ def why_no_way_back(found: Facts) -> str:
 def describe_kinks(found: Facts, kinks: list[Kink | None]) -> str:
     """In how many operations, and when."""
     one = next(kink for kink in kinks if kink)
-    begin = next(p.operation.start for p, kink in zip(found.pulses, kinks) if kink) * found.dt + found.first
+    begun = next(p.operation.start for p, kink in zip(found.closings, kinks) if kink)
+    begin = begun * found.dt + found.first
     many = f"in {sum(map(bool, kinks))} of {len(kinks)}: " if len(kinks) > 1 else ""
     return (
         f"{many}from {1e3 * (one.begin - begin):.3g} ms to {1e3 * (one.end - begin):.3g} ms after the operation begins,"
@@ -287,7 +291,7 @@ def uses(found: Facts, has_motion: bool, impaired: int) -> list[Item]:
     if not has_motion:
         whole, begun = (use if use[0] == NO else (CARE, UNMOVED) for use in (whole, begun))
     flowing = ready if found.is_from_rest else (CARE, "no value is valid before the current has decayed once")
-    flowing = flowing if found.pulses or found.incomplete else begun
+    flowing = flowing if found.pulses or found.begun else begun
     return [Item(name, *use) for name, use in zip(USES, (whole, begun, flowing))]
 
 
@@ -345,7 +349,7 @@ def operations(record: Record, found: Facts) -> Table:
     """Complete operations."""
     rows = []
     for p in found.pulses[:MOST_LISTED]:
-        ends = (f"{1e3 * record.times[k]:.6g} ms" for k in p.operation)
+        ends = (f"{1e3 * record.times[k]:.6g} ms" for k in p.operation[:2])
         flux = (quantity(p.flux_linkage, "Wb"), quantity(p.inductance, "H"))
         moves = (f"{1e3 * kink.end:.6g} ms" if kink else "not seen" for kink in (p.closing, p.opening))
         integral = flux if found.is_from_rest else ("unknown", "unknown")
@@ -363,7 +367,10 @@ def scales(found: Facts) -> Table:
         rows.append(("current to half of its largest", float(min(p.rise for p in found.pulses))))
         constants = [p.inductance / p.resistance for p in found.pulses if p.resistance > 0.0]
         rows += [("time constant L/R", min(constants) / found.dt)] if constants else []
-    for name, kinks in (("closing", [p.closing for p in found.pulses]), ("opening", [p.opening for p in found.pulses])):
+    for name, kinks in (
+        ("closing", [each.closing for each in found.closings]),
+        ("opening", [p.opening for p in found.pulses]),
+    ):
         if lengths := [kink.samples for kink in kinks if kink]:
             rows.append((f"motion that is seen, {name}", float(min(lengths))))
     cells = ((name, f"{n:.3g}", quantity(n * found.dt, "s")) for name, n in rows)
@@ -442,7 +449,7 @@ def mark(axis: Any, record: Record, found: Facts, left: float, right: float) -> 
     here = [p for p in found.pulses if left < t[p.operation.stop] and t[p.operation.start] < right]
     for p in here if len(here) <= MOST_MARKED else []:
         kinks = [1e3 * kink.end if kink else None for kink in (p.closing, p.opening)]
-        places = [*(t[k] for k in p.operation), *kinks]
+        places = [*(t[k] for k in p.operation[:2]), *kinks]
         for (color, style), at in zip(MARKS.values(), places):
             if at is not None:
                 axis.axvline(at, color=color, linewidth=1.0, linestyle=style)

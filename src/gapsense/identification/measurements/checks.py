@@ -13,6 +13,7 @@ from gapsense.identification.measurements.operations import (
     Operation,
     drift,
     estimate,
+    hum,
     noise,
     operations,
     resolution,
@@ -20,6 +21,7 @@ from gapsense.identification.measurements.operations import (
     true_runs,
 )
 from gapsense.identification.measurements.record import SHOWN, UNITS, Columns, Record, Vector
+from gapsense.report.table import quantity
 
 FEWEST_SAMPLES = 8
 JITTER = 0.01  # largest deviation of a time step from their median, relative
@@ -191,7 +193,12 @@ def _spike(record: Record) -> str:
 def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
     """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
-    if moved := drift(record):
+    if (moved := drift(record)) and (buzz := hum(record)):
+        yield (
+            f"{file}: {quantity(buzz.amplitude, 'A')} of the current at rest goes with {buzz.frequency:g} Hz:"
+            " hum of the mains. Shield the sensor's wires, or filter both channels alike."
+        )
+    elif moved:
         yield (
             f"{file}: the current at rest moves by {moved:.4g} A from the first operation to the end of the record: its"
             " zero drifts, or it has not ended between operations. Let the sensor warm up, pause for longer, or record"
@@ -201,11 +208,11 @@ def operation_problems(record: Record, file: str, period: float | None) -> Itera
         rows = ", ".join(str(record.rows[k]) for k in starts(record)[: 2 * SHOWN]) or "none"
         yield (
             f"{file}: no complete operation (current begins to flow after row {rows}). Record until the current has "
-            "ended, or give the length of a period with `--period` in s; `gapsense commission` takes a record that ends"
-            " while the coil is held."
+            "ended, or settled while the coil is held, or give the length of a period with `--period` in s;"
+            " `gapsense commission` takes a record that ends earlier."
         )
     limit = 2.0 * _largest_at_rest(record)
-    for operation in found[:SHOWN]:
+    for operation in [o for o in found[:SHOWN] if not o.held]:
         i = record.current[[operation.start, operation.stop]]
         if abs(i[1] - i[0]) > limit:
             place = f"{file}, row {record.rows[operation.start]} to {record.rows[operation.stop]}"

@@ -30,18 +30,27 @@ FEW = 3  # samples; an activity that is shorter is a spike
 DRIFT = 0.01  # of the largest current: a level at rest that moves by less is steady
 WHITE = 0.7  # of the root mean square of a signal: with more of it in its second differences, it is noise
 MANY = 20  # samples at rest whose mean tells its level
+HELD, STEADY = 4, 2e-3  # last part of a closing, as 1 over it, in which means change by less, relative to the range
+MAINS = (50.0, 60.0)  # Hz
+CHANCE, MOST = 40.0, 0.6  # squares over the noise's that hum must explain; its part of those that noise does not
 
 
 class Operation(NamedTuple):
-    """Samples `start` to `stop` of one operation; the flux linkage is the same at both."""
+    """Samples `start` to `stop` of one operation; the flux linkage is the same at both, unless the coil is held."""
 
     start: int
     stop: int
+    held: int = 0  # samples at the end in which a coil that stays on has settled
 
     @property
     def inside(self) -> slice:
         """The samples whose intervals, those before them, belong to the operation."""
         return slice(self.start + 1, self.stop + 1)
+
+    @property
+    def balanced(self) -> slice:
+        """The samples over which the flux linkage does not change, for (23): all, or those of a held coil."""
+        return slice(self.stop + 1 - self.held, self.stop + 1) if self.held else self.inside
 
 
 def noise(x: Vector) -> float:
@@ -93,6 +102,39 @@ def drift(record: Record) -> float:
     levels = np.array([x.mean() for x in still])
     moved = float(levels[-1] - levels[0])
     return moved if abs(moved) > max(SIGMAS * sigma, DRIFT * float(np.abs(i).max())) else 0.0
+
+
+class Hum(NamedTuple):
+    """What of the current at rest goes with the mains."""
+
+    frequency: float  # [Hz]
+    amplitude: float  # [A]
+
+
+def hum(record: Record) -> Hum | None:
+    """Hum, if it explains most of what the current does at rest: before, and in the later half of pauses."""
+    i, off = record.current, np.abs(record.voltage) < leaves(record.voltage, "voltage")
+    ended = [0, *(end for _, end in activities(record))]
+    pauses = zip(ended, [*starts(record), i.size])
+    rests = [np.arange((a + b) // 2 if a else 0, b) for a, b in pauses]
+    at = np.concatenate([x[off[x]] for x in rests if x.size >= MANY] or [np.zeros(0, dtype=int)])
+    if at.size < 2 * MANY or at[-1] - at[0] < 1.0 / (min(MAINS) * record.dt):
+        return None
+    x, sigma = i[at], max(noise(i), hidden(i))
+
+    def fit(*columns: Vector) -> tuple[float, Vector]:
+        matrix = np.stack((np.ones(at.size), *columns), axis=1)
+        found = np.linalg.lstsq(matrix, x, rcond=None)[0]
+        return float(((x - matrix @ found) ** 2).sum()), found
+
+    waves = {f: 2.0 * np.pi * f * record.dt * at for f in MAINS}
+    fits = {f: fit(np.sin(phase), np.cos(phase)) for f, phase in waves.items()}
+    left = min(left for left, _ in fits.values())
+    alike = {f: float(np.hypot(*found[1:])) for f, (least, found) in fits.items() if least <= left + CHANCE * sigma**2}
+    f = min(alike, key=lambda f: alike[f])  # one that is nearly in step with the operations has a large amplitude
+    steady, moving = fit()[0], fit(at * record.dt)[0]
+    enough = max(CHANCE * sigma**2, MOST * (steady - at.size * sigma**2), steady - moving)
+    return Hum(f, alike[f]) if steady - left > enough else None
 
 
 def leaves(x: Vector, name: str) -> float:
@@ -157,7 +199,8 @@ def _before(active: list[tuple[int, int]], record: Record) -> list[int]:
 def operations(record: Record, period: float | None = None) -> list[Operation]:
     """Complete operations: from rest to rest, or every `period` [s] from the first one on.
 
-    The last one ends with its usual length, or else with the record, if the current has ended by then.
+    The last one ends with its usual length, or else with the record, if the current has ended by then.  Without any, a
+    closing is one if the coil is held until all has settled.
     """
     active, last = activities(record), record.times.size - 1
     begins = _before(active, record)
@@ -170,9 +213,24 @@ def operations(record: Record, period: float | None = None) -> list[Operation]:
     if len(begins) == 1 and end > last:
         begins = edges(record.voltage).tolist()
         ends = [2 * begins[-1] - begins[-2]] if len(begins) > 1 else []
-        return _between(begins + [k for k in ends if k <= last])
+        return _between(begins + [k for k in ends if k <= last]) or _closing(record, begins[0] if begins else 0, last)
     usual = 2 * begins[-1] - begins[-2] if len(begins) > 1 else last
     return _between(begins + ([usual if end <= usual <= last else last] if end <= last else []))
+
+
+def _closing(record: Record, start: int, stop: int) -> list[Operation]:
+    """The operation of a coil that stays on, if its voltage and its current do not change in the last part of it."""
+    count = (stop - start) // HELD
+    if count < MANY:
+        return []
+    last = slice(stop + 1 - 2 * (count // 2), stop + 1)
+    for name in SMALL:
+        x = getattr(record, name)
+        before, after = x[last].reshape(2, -1).mean(axis=1)
+        chance = SIGMAS * max(noise(x), hidden(x)) / np.sqrt(count / 4.0)
+        if abs(after - before) > max(chance, STEADY * np.ptp(x)) or abs(after) < leaves(x, name):
+            return []
+    return [Operation(start, stop, last.stop - last.start)]
 
 
 def _between(places: list[int]) -> list[Operation]:
@@ -206,7 +264,7 @@ def trapezoid(current: Vector) -> Vector:
 def estimate(record: Record, found: list[Operation]) -> Flux:
     """Flux linkage by (21), with the resistance of every operation by (23): it ends where it began."""
     means, applied = trapezoid(record.current), record.applied
-    resistances = np.array([applied[o.inside].sum() / means[o.inside].sum() for o in found])
+    resistances = np.array([applied[o.balanced].sum() / means[o.balanced].sum() for o in found])
     per_sample = np.full(record.times.size, resistances[-1])
     per_sample[: found[0].start + 1] = resistances[0]
     for operation, R in zip(found, resistances):

@@ -163,7 +163,7 @@ def restore_causes(experiment: Experiment, values: dict[str, float]) -> Experime
         return experiment
     after = apply_causes(signals(experiment), values)
     new = experiment._replace(halves=after.halves, current=after.current)
-    return with_factors(new, [_ratio(new, o.inside) / _ratio(experiment, o.inside) for o in experiment.operations])
+    return with_factors(new, [_ratio(new, o.balanced) / _ratio(experiment, o.balanced) for o in experiment.operations])
 
 
 def _ratio(experiment: Experiment, inside: slice) -> float:
@@ -211,11 +211,10 @@ def _weights(
     W = -c_i * A[:, :n] + c_lam * half * (later + np.roll(np.where(np.arange(n) > 0, later, 0.0), -1, axis=1))
     pooled, at = np.zeros(n), simulate_batch([par], experiment)[0]
     for operation in experiment.operations:
-        share = np.zeros(n)
-        share[operation.start + 1 : operation.stop] = 1.0
-        share[[operation.start, operation.stop]] = 0.5
+        share, at_ends = np.zeros(n), [operation.balanced.start - 1, operation.stop]
+        share[operation.balanced], share[at_ends] = 1.0, 0.5
         slope = _by_resistance(par, experiment, at, operation)
-        W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.inside].sum())
+        W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.balanced].sum())
         pooled -= share / total
     yield np.vstack([W, pooled + by @ W[: by.size]]), experiment.current - at.current
     if experiment.position is not None and at.position is not None:
@@ -335,7 +334,9 @@ def uncertainty(
     """
     doubts = doubts or Doubts()
     hidden = [name for name in HIDDEN if doubts.causes.get(name)]
-    known = (*fitted, "eddy") if "core_eddy" in form.fitted else fitted
+    known = (*fitted, *["eddy"] * ("core_eddy" in form.fitted))
+    if all(o.held for e in experiments for o in e.operations):
+        known = (*known, "series")  # which nothing tells from the coil's while this is on all the time
     others = [*(c for c in CAUSES if c not in known), *hidden]
     sizes = scales(experiments, [*fitted, *others])
     at = linearise(form, ratios, experiments, fitted, others)

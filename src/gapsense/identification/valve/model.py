@@ -80,7 +80,7 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
     """Experiment of a record, and the resistances and the flux linkage that it rests on."""
     flux = estimate(record, operations(record, period))
     first = flux.operations[0].start
-    shifted = [Operation(a - first, b - first) for a, b in flux.operations]
+    shifted = [Operation(o.start - first, o.stop - first, o.held) for o in flux.operations]
     signals = (record.halves, flux.per_sample, record.current, flux.flux_linkage)
     halves, resistance, current, flux_linkage = (samples[first:] for samples in signals)
     made = Experiment(
@@ -103,7 +103,7 @@ def part(experiment: Experiment, operation: Operation) -> Experiment:
     """One operation."""
     names = ("halves", "resistance", "current", "flux_linkage", *["position"] * (experiment.position is not None))
     signals = {name: getattr(experiment, name)[operation.start : operation.stop + 1] for name in names}
-    inside = [Operation(0, operation.stop - operation.start)]
+    inside = [Operation(0, operation.stop - operation.start, operation.held)]
     return experiment._replace(**signals, operations=inside, first=experiment.first + operation.start)
 
 
@@ -115,13 +115,13 @@ def first_operation(experiment: Experiment) -> Experiment:
 def charge(experiment: Experiment) -> float:
     """Sum of the current over all complete operations, the divisor of (23) [A]."""
     means = trapezoid(experiment.current)
-    return float(sum(means[operation.inside].sum() for operation in experiment.operations))
+    return float(sum(means[operation.balanced].sum() for operation in experiment.operations))
 
 
 def mean_resistance(experiment: Experiment) -> float:
     """Resistance of all complete operations together, weighted by their charge as in (23) [Ohm]."""
     voltages = experiment.resistance * trapezoid(experiment.current)
-    total = sum(voltages[operation.inside].sum() for operation in experiment.operations)
+    total = sum(voltages[operation.balanced].sum() for operation in experiment.operations)
     return float(total / charge(experiment))
 
 
@@ -190,7 +190,7 @@ def balance(form: Form, ratios: Vector, experiment: Experiment, current: Vector 
     charges = [trapezoid(i) for i in (modelled, experiment.current)]
     scaled = with_resistance(experiment, experiment.resistance * form.factor(ratios))
     return with_factors(
-        scaled, [charges[0][o.inside].sum() / charges[1][o.inside].sum() for o in experiment.operations]
+        scaled, [charges[0][o.balanced].sum() / charges[1][o.balanced].sum() for o in experiment.operations]
     )
 
 

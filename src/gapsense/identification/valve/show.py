@@ -257,7 +257,7 @@ def correlations(result: Identified) -> Table:
 def resistances(result: Identified, records: Sequence[Record]) -> Table:
     """Resistance of every period, (23)."""
     rows = (
-        (record.name, *(f"{1e3 * record.times[k]:.6g} ms" for k in operation), quantity(float(R), "Ohm"))
+        (record.name, *(f"{1e3 * record.times[k]:.6g} ms" for k in operation[:2]), quantity(float(R), "Ohm"))
         for record, flux in zip(records, result.fluxes)
         for operation, R in zip(flux.operations, flux.resistances)
     )
@@ -315,7 +315,7 @@ def explanations(result: Identified) -> list[str]:
     if result.is_explained:
         return []
     if said := hums(result.residuals):
-        return [f"Of what a record leaves, {said}: the usual cause is hum of the mains."]
+        return [f"{said}."]
     if not found:
         return []
     return [f"Most likely causes, apart from other values of the parameters: {', or '.join(found)}."]

@@ -7,7 +7,7 @@ models that differ in nothing else share one compiled function.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from functools import cache
 from itertools import count
 from typing import Any
 
@@ -158,12 +158,15 @@ class Common(Lanes):
         return super()._number(value) if isinstance(value, bool) else f"every({LITERALS.get(repr(value), repr(value))})"
 
 
-def same_over_runs(functions: Iterable[str]) -> Iterator[str]:
-    """Those functions of `elementary` that some functions call."""
-    for name in FORMULAS:
-        if any(f"same_{name}(" in text for text in functions):
-            body = Common(elementary(name)).definition()
-            yield "\n".join([f"CALLED V same_{name}(V x)", "{", "    const M taken = ALL;", *body, "}", ""])
+def same_over_runs(text: str) -> list[str]:
+    """Those functions of `elementary` that a function calls."""
+    return [_same(name) for name in FORMULAS if f"same_{name}(" in text]
+
+
+@cache
+def _same(name: str) -> str:
+    body = Common(elementary(name)).definition()
+    return "\n".join([f"CALLED V same_{name}(V x)", "{", "    const M taken = ALL;", *body, "}", ""])
 
 
 def is_array(entry: Any) -> bool:

@@ -16,6 +16,8 @@ MANY = 8  # operations for which a choice is worth a branch of its own
 
 Side = tuple[int, int]  # condition, and operand of the choice on it: 1 or 2
 WORD = re.compile(r"\b[A-Za-z_]\w*")
+WORDS = re.compile(f"({WORD.pattern})")  # splits a line
+COPY = re.compile(r" *(\w+),? = \1")
 ASSIGNMENT = re.compile(r" *([\w, ]+?),? = (.*)")
 TEMPORARY = re.compile(r"[a-z]\d+")  # as `Printer.fresh` makes them; all others are arguments, which keep their names
 
@@ -46,7 +48,8 @@ class Choosing(Printer):
         waiting = {choice.id: choice for group in self.choices.groups.values() for choice in group}
         for node in region.nodes:
             if node.id in self.uses and not (node.id in waiting or node.id in self.choices.sides):
-                self._choose(waiting[value] for value in _read(node, region) if value in waiting)
+                if waiting:
+                    self._choose(waiting[value] for value in _read(node, region) if value in waiting)
                 self._print(node)
         self._choose(waiting.values())
         self.choices = outer
@@ -365,26 +368,36 @@ def compiled(graph: Graph, language: type[Python] = Python) -> Callable[..., Any
 def renamed(lines: Sequence[str]) -> list[str]:
     """The body of a function in which every value has a name of its own, with few names and no idle copies."""
     body = _Body(lines)
-    body.live_before(0, len(lines), frozenset())
+    body.live_before(0, len(lines), 0)
     for made, text in body.parts:
         if len(made) == 1 and text in body.united:
             body.unite(made[0], text)
     names = body.names()
-    return _without_copies([WORD.sub(lambda word: names.get(word[0], word[0]), line) for line in lines])
+    return _without_copies(["".join([names.get(word, word) for word in WORDS.split(line)]) for line in lines])
 
 
 class _Body:
-    """The lines of a function, and which of their values must not share a name."""
+    """The lines of a function, and which of their values must not share a name; sets of values are bits of a number."""
 
     def __init__(self, lines: Sequence[str]) -> None:
         self.lines = [line.lstrip() for line in lines]
         self.depths = [*map(_depth, lines)]
         self.parts = [_parts(line) for line in lines]
-        self.apart: dict[str, set[str]] = {name: set() for made, _ in self.parts for name in made}
-        self.united = {name: name for name in self.apart}
-        self.read = [self.apart.keys() & WORD.findall(text) for _, text in self.parts]
+        every = dict.fromkeys(name for made, _ in self.parts for name in made)
+        self.bits = {name: 1 << k for k, name in enumerate(every)}
+        self.apart = dict.fromkeys(self.bits, 0)  # of two that must not share a name, one has the other here
+        self.sharing = {**self.bits}  # all that share a name with a value
+        self.united = {name: name for name in self.bits}
+        self.made = [self._set(made) for made, _ in self.parts]
+        self.read = [self._set(WORD.findall(text)) for _, text in self.parts]
 
-    def live_before(self, start: int, end: int, live: frozenset[str]) -> frozenset[str]:
+    def _set(self, words: Iterable[str]) -> int:
+        found = 0
+        for word in words:
+            found |= self.bits.get(word, 0)
+        return found
+
+    def live_before(self, start: int, end: int, live: int) -> int:
         """Values needed before the block of lines from `start` to `end`, if `live` are needed after it."""
         while end > start:
             end -= 1
@@ -395,7 +408,7 @@ class _Body:
             end = opening
         return live
 
-    def _before_compound(self, start: int, end: int, live: frozenset[str]) -> frozenset[str]:
+    def _before_compound(self, start: int, end: int, live: int) -> int:
         """The same for `for`, and for `if` with or without `else`."""
         if self.lines[start].startswith("for "):
             for _ in range(2):  # what a round needs is needed at the end of the round before
@@ -405,27 +418,20 @@ class _Body:
         otherwise = self.live_before(other + 1, end, live)
         return self.live_before(start + 1, other, live) | otherwise | self.read[start]
 
-    def _before_line(self, k: int, live: frozenset[str]) -> frozenset[str]:
+    def _before_line(self, k: int, live: int) -> int:
         """The same for one line, whose values must not share a name with those needed after it."""
         made, text = self.parts[k]
-        for name in made:
-            self._part(name, live.union(made) - {name, text})  # both sides of a copy may
-        return live.difference(made) | self.read[k]
-
-    def _part(self, name: str, others: frozenset[str]) -> None:
-        new = others - self.apart[name]
-        self.apart[name] |= new
-        for other in new:
-            self.apart[other].add(name)
+        for name in made:  # both sides of a copy may
+            self.apart[name] |= (live | self.made[k]) & ~(self.bits[name] | self.bits.get(text, 0))
+        return live & ~self.made[k] | self.read[k]
 
     def unite(self, a: str, b: str) -> None:
         """Let two values share a name, if they may; that of an argument if one is."""
         a, b = sorted((self.leader(a), self.leader(b)), key=lambda name: TEMPORARY.fullmatch(name) is None)
-        if a != b and a not in self.apart[b]:
+        if a != b and not (self.apart[a] & self.sharing[b] or self.apart[b] & self.sharing[a]):
             self.united[a] = b
-            for other in self.apart.pop(a):
-                self.apart[other].remove(a)
-                self._part(b, frozenset([other]))
+            self.apart[b] |= self.apart.pop(a)
+            self.sharing[b] |= self.sharing[a]
 
     def leader(self, name: str) -> str:
         """The value that stands for all that share a name with this one."""
@@ -436,12 +442,16 @@ class _Body:
     def names(self) -> dict[str, str]:
         """The new name of every value."""
         given: dict[str, str] = {}
-        for name in self.apart:
+        taken: list[tuple[int, int]] = []  # by whom each new name is, and who must not have it
+        for name, apart in self.apart.items():
+            given[name] = name
             if TEMPORARY.fullmatch(name):
-                taken = {given.get(other) for other in self.apart[name]}
-                given[name] = next(new for k in range(1, len(taken) + 2) if (new := f"t{k}") not in taken)
-            else:
-                given[name] = name
+                own = self.sharing[name]
+                free = (k for k, (some, others) in enumerate(taken) if not (some & apart or others & own))
+                if (k := next(free, len(taken))) == len(taken):
+                    taken.append((0, 0))
+                taken[k] = taken[k][0] | own, taken[k][1] | apart
+                given[name] = f"t{k + 1}"
         return {name: given[self.leader(name)] for name in self.united}
 
 
@@ -455,7 +465,7 @@ def _parts(line: str) -> tuple[list[str], str]:
 
 def _without_copies(lines: Sequence[str]) -> list[str]:
     """Lines without `x = x` and without an empty `else:`; where nothing is left of another block stands `pass`."""
-    kept = [line for line in lines if _parts(line)[0] != [_parts(line)[1]]]
+    kept = [line for line in lines if not COPY.fullmatch(line)]
     made: list[str] = []
     for line, following in zip(kept, [*kept[1:], ""]):
         is_empty = line.endswith(":") and _depth(following) <= _depth(line)

@@ -4,8 +4,10 @@
    bits that C gives for one double. */
 #include <math.h>
 #include <stddef.h>
-#if defined(__AVX__)
-#include <immintrin.h>
+#ifdef __has_builtin /* immintrin.h takes longer to read than most functions to compile */
+#define KNOWS(function) __has_builtin(function)
+#else
+#define KNOWS(function) 0
 #endif
 #if defined(__AVX512F__)
 #define W 8
@@ -45,10 +47,10 @@ SMALL V each_fabs(V x) { return (V)((M)x & ~(M)every(-0.0)); }
 
 SMALL int any(M c)
 {
-#if defined(__AVX512DQ__)
-    return _mm512_movepi64_mask((__m512i)c) != 0;
-#elif defined(__AVX__) && !defined(__AVX512F__)
-    return _mm256_movemask_pd((__m256d)c) != 0;
+#if defined(__AVX512DQ__) && KNOWS(__builtin_ia32_cvtq2mask512)
+    return __builtin_ia32_cvtq2mask512(c) != 0;
+#elif defined(__AVX__) && !defined(__AVX512F__) && KNOWS(__builtin_ia32_movmskpd256)
+    return __builtin_ia32_movmskpd256((V)c) != 0;
 #else
     int found = 0;
     for (int i = 0; i < W; i++) found |= c[i] != 0;

@@ -1,4 +1,4 @@
-"""C of functions over runs: compiled for the processor of this machine once, and kept for the next time.
+"""C of functions over runs: each compiled for the processor of this machine once, and kept for all that call it.
 
 Nobody needs a compiler: without one, or where it fails, `loaded` says so once and gives None.
 
@@ -16,9 +16,11 @@ import stat
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -34,6 +36,8 @@ FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compi
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
 PREFIX = "lanes-"  # of all that is ours in the cache
 ENDING = ".dll" if sys.platform == "win32" else ".so"
+COMPILERS_AT_ONCE = 2
+TELLING = threading.Lock()
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -41,12 +45,28 @@ ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` c
 INSTEAD = "Python computes instead, several times slower, with the same bits."
 
 
-def source(codes: Sequence[Code]) -> str:
-    """C of all functions and of what calls them."""
-    head, tail = ((HERE / name).read_text(encoding="utf-8") for name in ("lanes.h", "run.c"))
-    names = [f"f{k}" for k in range(len(codes))]
-    functions = [code.c.text.replace("void NAME(", f"void {name}(", 1) for name, code in zip(names, codes)]
-    return "\n".join([head, *same_over_runs(functions), *functions, f"#define FUNCTIONS {', '.join(names)}", tail])
+def addresses(codes: Iterable[Code]) -> list[int] | None:
+    """Where functions are in memory, each in a library of its own; None where no compiler is."""
+    texts = [source(code) for code in codes]
+    with ThreadPoolExecutor(COMPILERS_AT_ONCE) as pool:
+        libraries = [*pool.map(loaded, texts)]
+    return [address(library, "NAME") for library in libraries if library] if all(libraries) else None
+
+
+def address(library: ctypes.CDLL, name: str) -> int:
+    """Where a function of a library is."""
+    return ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0
+
+
+def source(code: Code) -> str:
+    """C of a function, which is called `NAME` outside too, and of what it calls."""
+    text = code.c.text.replace("static void NAME(", "void NAME(", 1)
+    return with_types("\n".join([*same_over_runs(text), text]))
+
+
+def with_types(text: str) -> str:
+    """C behind the header that it needs."""
+    return "\n".join([(HERE / "lanes.h").read_text(encoding="utf-8"), text])
 
 
 @cache
@@ -59,9 +79,14 @@ def loaded(text: str) -> ctypes.CDLL | None:
         return None
 
 
-@cache
 def _tell(sentence: str) -> None:
-    """Warn of the same thing once; where in the program that was helps nobody."""
+    """Warn of the same thing once, whichever thread finds it; where in the program that was helps nobody."""
+    with TELLING:
+        _warn(sentence)
+
+
+@cache
+def _warn(sentence: str) -> None:
     warnings.warn_explicit(sentence, UserWarning, "gapsense", 1)
 
 

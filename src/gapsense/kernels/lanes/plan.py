@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from gapsense.kernels.emit.lanes import is_array
 from gapsense.kernels.lanes.code import NUMBERS, WHOLE, Code, Record, Value
-from gapsense.kernels.lanes.library import loaded, source
+from gapsense.kernels.lanes.library import HERE, address, addresses, loaded, with_types
 
 TAKE, KEEP, OWN = 0, 1, 2  # functions: a number from a column, a number into a column, the first one that is recorded
 KEPT = "kept"  # the column of results
@@ -45,8 +45,13 @@ class Plan:
 
     @cached_property
     def library(self) -> ctypes.CDLL | None:
-        """The compiled functions; None if numpy has to do."""
-        return loaded(source(self.program.codes))
+        """What calls the compiled functions; None if numpy has to do."""
+        caller = loaded(with_types((HERE / "run.c").read_text(encoding="utf-8")))
+        return caller if caller and self._addresses is not None else None
+
+    @cached_property
+    def _addresses(self) -> list[int] | None:
+        return addresses(self.program.codes)
 
     @cached_property
     def _words(self) -> npt.NDArray[np.int32]:
@@ -83,11 +88,13 @@ class Plan:
     def _in_c(self, library: ctypes.CDLL, runs: int, arrays: list[Floats]) -> None:
         words, constants = self._words, [code.c.constants for code in self.program.codes]
         columns = (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
+        own = [address(library, name) for name in ("take", "keep")]
+        functions = (ctypes.c_void_p * (OWN + len(constants)))(*own, *(self._addresses or ()))
         numbers = (ctypes.c_void_p * (OWN + len(constants)))(*[None] * OWN, *(c.ctypes.data for c in constants))
         memory = np.empty(library.width() * (self.program.room + 1))
         places = [ctypes.c_void_p(array.ctypes.data) for array in (words, memory)]
         first, last, length = map(ctypes.c_ssize_t, (0, runs, words.size))
-        library.run(places[0], length, columns, numbers, places[1], first, last)
+        library.run(places[0], length, columns, functions, numbers, places[1], first, last)
 
     def _by_numpy(self, arrays: list[Floats]) -> None:
         values: list[Any] = [None] * self.program.room

@@ -1,11 +1,11 @@
-/* The calls of a plan, for all runs. FUNCTIONS, the names of all functions, are defined before. */
+/* The calls of a plan, for all runs. */
 #include <stdint.h>
 #include <string.h>
 
 typedef void Function(V *v, const int *at, const double *k, const Block *block);
 
 /* A number of each run from a column: at = column, row, place. */
-static void take(V *v, const int *at, const double *k, const Block *block)
+void take(V *v, const int *at, const double *k, const Block *block)
 {
     const Column *c = &block->columns[at[0]];
     const double *first = number(c, at[1], 0, block);
@@ -19,20 +19,18 @@ static void take(V *v, const int *at, const double *k, const Block *block)
 }
 
 /* A number of each run into a column, in which runs are neighbours: at = column, row, place. */
-static void keep(V *v, const int *at, const double *k, const Block *block)
+void keep(V *v, const int *at, const double *k, const Block *block)
 {
     (void)k;
     memcpy(number(&block->columns[at[0]], at[1], 0, block), &v[at[2]], sizeof(double) * (size_t)block->count);
 }
 
-static Function *const functions[] = {take, keep, FUNCTIONS};
-
 int width(void) { return W; }
 
 /* Runs `first` to `last`, W at a time. A call is the number of its function, how many places follow, and these.
    `memory` has room for the values, and for one more. */
-void run(const int *calls, ptrdiff_t length, const Column *columns, const double *const *constants, double *memory,
-    ptrdiff_t first, ptrdiff_t last)
+void run(const int *calls, ptrdiff_t length, const Column *columns, Function *const *functions,
+    const double *const *constants, double *memory, ptrdiff_t first, ptrdiff_t last)
 {
     V *values = (V *)(((uintptr_t)memory + sizeof(V) - 1) / sizeof(V) * sizeof(V));
     for (Block block = {columns, first, W}; block.first < last; block.first += W) {

@@ -8,9 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy.typing as npt
-
 from gapsense._os.processes import MARKS
+from gapsense._os.structures import structures
 from gapsense.cosim.fmu.instance import STEP
 from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
@@ -39,8 +38,9 @@ BINARY = SOURCE.with_name("linux64") / "loop.so"
 DONE, AT_SET, AT_STEP, AT_GET, AT_CHECK, IN_PYTHON = range(6)  # what failed
 PythonStep = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
 PythonTake = ctypes.CFUNCTYPE(ctypes.c_int)
-Number, Count, Double, Int = ctypes.c_int64, ctypes.c_size_t, ctypes.c_double, ctypes.c_int
-Numbers, Doubles = ctypes.POINTER(Number), ctypes.POINTER(Double)
+MADE = structures(SOURCE.read_text("utf-8"))
+Link, Exchange, PartInC, WatchInC, Loop = (MADE[name] for name in ("Link", "Exchange", "Part", "Watch", "Loop"))
+Number = MADE["int64_t"]
 PATIENCE = 0.05  # seconds after which Python looks up: only then it learns of a Ctrl-C in a native FMU
 
 
@@ -57,7 +57,7 @@ def in_c(work: Work, run: Callable[..., int]) -> Advance:
             renew(guest)
         for place, watch in enumerate(work.watches):
             loop.watches[place] = condition(watch)
-        loop.played, loop.played_from = pointer(player.block, Doubles), player.begin
+        loop.played, loop.played_from = player.block.ctypes.data, player.begin
         try:
             while cause := run(loop, last):
                 if cause != AT_STEP or not is_ended(guests[loop.part], loop, parts[loop.part]):
@@ -70,7 +70,7 @@ def in_c(work: Work, run: Callable[..., int]) -> Advance:
     return advance
 
 
-def is_ended(guest: Guest, loop: Loop, structure: PartInC) -> bool:
+def is_ended(guest: Guest, loop: Any, structure: Any) -> bool:
     """True if the step that C could not go on from was the orderly end of its component: it then counts as done."""
     instance, begin = guest.part.instance, loop.time
     instance.last = loop.last
@@ -95,7 +95,8 @@ class Guest:
         self.links = array_of(part)
         self.takes_first = is_sequential and part.follows
         if not part.is_direct:
-            self.step, self.take = self.noted(part.stepper(base, is_sequential)), self.noted(part.taker())
+            self.step = PythonStep(self.noted(part.stepper(base, is_sequential)))
+            self.take = PythonTake(self.noted(part.taker()))
 
     def noted(self, act: Callable[..., str]) -> Callable[..., int]:
         """A function that does the same, says whether it failed, and never raises."""
@@ -112,7 +113,7 @@ class Guest:
         return do
 
 
-def structure(guest: Guest, i: int, work: Work) -> PartInC:
+def structure(guest: Guest, i: int, work: Work) -> Any:
     """What loop.c needs to know of part `i`."""
     part, component, recording = guest.part, guest.part.component, work.recording
     common = {
@@ -125,11 +126,10 @@ def structure(guest: Guest, i: int, work: Work) -> PartInC:
         "seconds": recording.seconds[i],
         "counted": recording.seconds[i],
         "longest": recording.longest[i],
-        "spread": pointer(recording.spread[i], Numbers),
+        "spread": recording.spread[i].ctypes.data,
     }
     if not part.is_direct:
-        calls = {"python_step": PythonStep(guest.step), "python_take": PythonTake(guest.take)}
-        return PartInC(**common, **calls)
+        return PartInC(**common, python_step=address(guest.step), python_take=address(guest.take))
     return PartInC(
         **common,
         fmi=part.instance.description.fmi,
@@ -145,9 +145,7 @@ def structure(guest: Guest, i: int, work: Work) -> PartInC:
 
 def array_of(part: Part) -> Any:
     """Connections into a part, and after them the stages of events, in order."""
-    links = [Link(target, source, 0, 1.0, 0.0) for target, source in part.plain]
-    links += [Link(target, source, 1, factor, bias) for target, source, factor, bias in part.scaled]
-    return (Link * (len(links) + len(part.stages)))(*links)
+    return (Link * (len(part.wires) + len(part.stages)))(*part.wires)
 
 
 def renew(guest: Guest) -> None:
@@ -157,37 +155,38 @@ def renew(guest: Guest) -> None:
         guest.links[place] = Link(stage.slot.after, stage.source, stage.converts, stage.factor, stage.bias)
 
 
-def condition(watch: Watch) -> WatchInC:
+def condition(watch: Watch) -> Any:
     """A condition, for C."""
     return WatchInC(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
 
 
-def exchange(part: Part, channels: Sequence[Channel]) -> ExchangeInC:
+def exchange(part: Part, channels: Sequence[Channel]) -> Any:
     """The call that moves values, if there are any, for C."""
     for c in channels:
         entry = address(part.instance.function(c.function))
-        return ExchangeInC(entry, c.references, len(c.references), c.values, len(c.values))
-    return ExchangeInC()
+        places = map(ctypes.addressof, (c.references, c.values))
+        return Exchange(entry, next(places), len(c.references), next(places), len(c.values))
+    return Exchange()
 
 
-def whole(work: Work, parts: Any) -> Loop:
+def whole(work: Work, parts: Any) -> Any:
     """What loop.c needs to know of the run."""
     experiment = work.experiment
     return Loop(
         parts=parts,
         part_count=len(parts),
-        buffer=pointer(work.buffer, Doubles),
+        buffer=work.buffer.ctypes.data,
         start=experiment.start,
         base_step=experiment.base_step,
         is_jacobi=experiment.method == "jacobi",
         decimation=work.decimation,
-        columns=pointer(work.columns, Numbers),
+        columns=work.columns.ctypes.data,
         column_count=len(work.columns),
-        data=pointer(work.recording.data, Doubles),
+        data=work.recording.data.ctypes.data,
         rows=work.recording.rows,
-        places=pointer(work.player.places, Numbers),
+        places=work.player.places.ctypes.data,
         place_count=len(work.player.places),
-        marks=(Number * MARKS).from_buffer(work.marks),
+        marks=ctypes.addressof((Number * MARKS).from_buffer(work.marks)),
         patience=PATIENCE,
         watches=(WatchInC * len(work.watches))(),
         watch_count=len(work.watches),
@@ -195,12 +194,7 @@ def whole(work: Work, parts: Any) -> Loop:
     )
 
 
-def pointer(array: npt.NDArray[Any], kind: Any) -> Any:
-    """An array that lies in one piece, for C; whoever calls keeps it alive."""
-    return array.ctypes.data_as(kind)
-
-
-def keep(work: Work, loop: Loop, parts: Any) -> None:
+def keep(work: Work, loop: Any, parts: Any) -> None:
     """Take over what was recorded and counted."""
     work.recording.rows = loop.rows
     work.recording.seconds[:] = [part.seconds for part in parts]
@@ -210,7 +204,7 @@ def keep(work: Work, loop: Loop, parts: Any) -> None:
     work.recording.warnings[:] = [c.warnings if n else p.warnings for c, p, n in zip(parts, work.parts, near)]
 
 
-def failure(guest: Guest, loop: Loop, cause: int) -> BaseException:
+def failure(guest: Guest, loop: Any, cause: int) -> BaseException:
     """Error for what the loop returned."""
     part = guest.part
     if cause == IN_PYTHON:
@@ -221,90 +215,7 @@ def failure(guest: Guest, loop: Loop, cause: int) -> BaseException:
     return part.failure(called[0].function if called else what, loop.time, loop.next)
 
 
-# The C library that does base steps, for Linux on x86-64, and what it works on, as loop.c has it.
-
-
-class Link(ctypes.Structure):
-    """One connection into a part."""
-
-    _fields_ = [("target", Int), ("source", Int), ("converts", Int), ("factor", Double), ("bias", Double)]
-
-
-class WatchInC(ctypes.Structure):
-    """A condition of which news end a block."""
-
-    _fields_ = [("place", Int), ("is_above", Int), ("is_on", Int), ("holds", Int), ("level", Double)]
-
-
-class ExchangeInC(ctypes.Structure):
-    """One call that moves values."""
-
-    _fields_ = [
-        ("entry", ctypes.c_void_p),
-        ("references", ctypes.POINTER(ctypes.c_uint)),
-        ("count", Count),
-        ("values", Doubles),
-        ("value_count", Count),
-    ]
-
-
-class PartInC(ctypes.Structure):
-    """One component; arrays given to a structure live as long as it does."""
-
-    _fields_ = [
-        ("fmi", Int),
-        ("instance", ctypes.c_void_p),
-        ("inputs", ExchangeInC),
-        ("outputs", ExchangeInC),
-        ("do_step", ctypes.c_void_p),
-        ("duration", Double),
-        ("links", ctypes.POINTER(Link)),
-        ("link_count", Count),
-        ("follows", Int),
-        ("every", Number),
-        ("steps_at", Number),
-        ("takes_at", Number),
-        ("calls", Number),
-        ("warnings", Number),
-        ("seconds", Double),
-        ("counted", Double),
-        ("longest", Double),
-        ("spread", Numbers),
-        ("python_step", PythonStep),
-        ("python_take", PythonTake),
-    ]
-
-
-class Loop(ctypes.Structure):
-    """A run."""
-
-    _fields_ = [
-        ("parts", ctypes.POINTER(PartInC)),
-        ("part_count", Count),
-        ("buffer", Doubles),
-        ("start", Double),
-        ("base_step", Double),
-        ("is_jacobi", Int),
-        ("decimation", Number),
-        ("columns", Numbers),
-        ("column_count", Count),
-        ("data", Doubles),
-        ("rows", Number),
-        ("places", Numbers),
-        ("place_count", Count),
-        ("played", Doubles),
-        ("played_from", Number),
-        ("marks", Numbers),
-        ("patience", Double),
-        ("watches", ctypes.POINTER(WatchInC)),
-        ("watch_count", Count),
-        ("next", Number),
-        ("clock", Double),
-        ("part", Count),
-        ("time", Double),
-        ("status", Int),
-        ("last", Double),
-    ]
+# The C library that does base steps, for Linux on x86-64.
 
 
 def entry() -> Callable[..., int] | None:
