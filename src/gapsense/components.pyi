@@ -2617,10 +2617,10 @@ class RunToRun(Runnable):
         Flux linkage that balances the spring where this operation begins.
     cycle : float, at least 0
         Cycles begun so far.
-    state : float, 0 to 4
-        0: no command yet, 1: first cycles, ordinary, 2: soft, 3: soft, but the last operation that was judged did not arrive in time, 4: ordinary cycle after that.
-    warnings : float, 0 to 511
-        Of this cycle and the last one, a sum of 1: contact silent in an ordinary operation, 2: profile faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary, 256: the current is too noisy for what a contact teaches.
+    state : float, 0 to 5
+        0: no command yet, 1: first cycles, ordinary, 2: soft, 3: soft, but the last operation that was judged did not arrive in time, 4: ordinary cycle after that, 5: ordinary, as ordinary closings leave the mover open.
+    warnings : float, 0 to 1023
+        Of this cycle and the last one, a sum of 1: contact silent in an ordinary operation, 2: profile faster than the voltage allows, 4: voltage used up by the resistance, 8: estimator has explained no window, 16: a reading lost or wild, 32: the reading of the voltage has an offset, 64: a soft operation landed hard, 128: an operation landed hard or not at all, and the next ones are ordinary, 256: the current is too noisy for what a contact teaches, 512: an ordinary closing has left the mover open.
     """
 
     def __init__(

@@ -22,6 +22,7 @@ CASES = [
     ("estimators", "other_physics", "gauss-seidel"),
     ("run_to_run", "model", "gauss-seidel"),
     ("condition", None, "gauss-seidel"),
+    ("lifting_magnet", None, "jacobi"),
 ]
 COUNT, EVERY = 500, 251  # base steps: components of other steps and offsets are in the midst of theirs
 
