@@ -103,17 +103,18 @@ def fem_tables(m: Models) -> list[Table | str]:
 def must_hold(m: Models) -> Table:
     """Flux linkage, gap and energy."""
     p, made = m.points, list[tuple[str, ...]]()
-    for what, lines, x in (
-        ("flux linkage rises with current", neighbours(p.current, p.gap), p.flux_linkage),
-        ("flux linkage falls with gap", neighbours(p.gap, p.current), -p.flux_linkage),
+    for what, lines, sign in (
+        ("flux linkage rises with current", neighbours(p.current, p.gap), 1.0),
+        ("flux linkage falls with gap", neighbours(p.gap, p.current), -1.0),
     ):
+        x = sign * p.flux_linkage
         pairs = [pair for line in lines for pair in zip(line.tolist(), line[1:].tolist())]
         steps = np.array([(x[b] - x[a]) / np.abs(x).max() for a, b in pairs])
         if not pairs:
             made.append((what, "no neighbours"))
             continue
         k = int(steps.argmin())
-        worst = f"falls {-100.0 * steps[k]:.2g} %" if steps[k] < 0.0 else f"rises {100.0 * steps[k]:.2g} %"
+        worst = f"{'rises' if sign * steps[k] > 0.0 else 'falls'} {100.0 * abs(steps[k]):.2g} %"
         made.append((what, f"{(steps > 0.0).sum()} of {len(pairs)}", worst, p.place(pairs[k][1])))
     left = None if m.alone is None else left_of(p, m.alone).force
     if left is not None and (share := ratio(m)) is not None:
