@@ -51,6 +51,14 @@ def test_health_is_one_unless_there_is_a_cause() -> None:
     assert readings.health({readings.LOST: False}) == (1.0, 0.0)
 
 
+@pytest.mark.parametrize("mode", [1.0, 3.0])
+def test_no_stop_is_suspected_where_no_spring_presses_on_it(mode: float) -> None:
+    draw = np.random.default_rng(3)
+    voltage, current = draw.normal(0.0, 0.03, 4000), draw.normal(0.0, 2e-3, 4000)
+    s = square_wave()._replace(voltage=voltage, current=current, mode=np.full(4000, mode))
+    assert run(believed()._replace(spring_stiffness=0.0), s)["health"].min() == 1.0
+
+
 @pytest.mark.parametrize("memory", [PAPER, None])
 def test_no_false_alarm_with_the_right_resistance(memory: float | None) -> None:
     assert run(believed(memory), square_wave())["health"].min() == 1.0

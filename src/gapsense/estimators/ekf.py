@@ -170,13 +170,15 @@ def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[H
 def _seen(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen:
     """Signs of bad health in a sample: the current error at rest, a position held at a stop during a motion.
 
-    Of another device are a contact far from where the mover is believed to be, and a stop that seems to pull.
+    Of another device are a contact far from where the mover is believed to be, and a stop that seems to pull at a mover
+    that a spring presses on or off it. Without a spring nothing is known of the force on the stop.
     """
     x, moves, moved = new.filtered.mean, is_moving(now.mode), is_moving(state.mode)
     stop = limit(now.mode)
     is_early = moved & not_(moves) & (fabs(state.x[POSITION] - stop) > EARLY)
     pull = where(stop > 0.5, 1.0, -1.0) * x[FORCE_ERROR]
-    holds = not_(moves | moved) & (pull > PULL * fabs(m.k_sp * (m.z_sp - stop)))
+    spring = fabs(m.k_sp * (m.z_sp - stop))
+    holds = not_(moves | moved) & (spring > 0.0) & (pull > PULL * spring)
     return Seen(
         innovation=new.innovation,
         innovation_std=new.innovation_std,
