@@ -23,6 +23,7 @@ from hypothesis import HealthCheck, settings
 
 from gapsense._os import locks, processes
 from gapsense._os.native import ZIG, NativeError, zig_version
+from gapsense.cli.console import consoles
 from gapsense.fmi.native.platforms import chosen, compilers
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -65,6 +66,15 @@ def warm_workers(request: pytest.FixtureRequest) -> Iterator[None]:
         if sys.platform == "linux" and request.path.stem not in STARTED:
             patch.setattr(processes, "subprocess", SimpleNamespace(**{**vars(subprocess), "Popen": warm.Worker}))
         yield
+
+
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A console of 200 columns. It is kept, and so must not be the one that later tests print on."""
+    monkeypatch.setenv("COLUMNS", "200")
+    consoles.cache_clear()
+    yield
+    consoles.cache_clear()
 
 
 @pytest.fixture(scope="module")

@@ -122,6 +122,7 @@ MORE = st.fixed_dictionaries(
 )
 
 
+@example([30.0], {"gravity": -9.81, "damping": 0.0, "stop_law": 1.0, "stop_stiffness": 1e6, "stop_damping": 4.0})
 @example([0.0, 30.0], {"hysteresis": 1.0, "eddy_currents": 0.0, "initial_position": 0.85e-3, "damping": 0.0})  # no flux
 @given(LEVELS, MORE)
 @settings(max_examples=25, deadline=None)

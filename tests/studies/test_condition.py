@@ -50,10 +50,10 @@ def test_table_and_figure_have_every_fault() -> None:
     assert {t.get_text() for t in axis.texts} == {"100"}
 
 
+@pytest.mark.usefixtures("wide")
 def test_command_judges_two_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One fault for eight operations, and a short time without one."""
     name = "spring 40 % weaker"
-    monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setattr(cases, "CASES", {name: CASES[name]})
     monkeypatch.setattr(cases, "COURSE", Course(rests={}, spans=((74, 82),), operations=90))
     monkeypatch.setattr(cases, "LONG", Course(rests={}, spans=(), operations=80))

@@ -390,8 +390,8 @@ def invoke(*arguments):
     return CliRunner().invoke(app, ["study", "run-to-run", *map(str, arguments)], terminal_width=200)
 
 
-def test_command_writes_tables_and_figures_and_computes_once(tmp_path, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
+@pytest.mark.usefixtures("wide")
+def test_command_writes_tables_and_figures_and_computes_once(tmp_path):
     chosen = ("--conditions", " late", "--laws", "contact,ordinary")
     options = ("--runs", 3, "--cycles", 4, *chosen, "--out", tmp_path)
     first = invoke(*options, "--workers", 1)

@@ -186,7 +186,8 @@ def _limited(
     damped = dev.stiffness * dev.damping * _depth(dev, mode, at.position) / act.mover.mass
     magnetic = act.flux_need * reluctance + where(act.core.is_hysteretic, act.field_need, 0.0) * fabs(field_rate)
     is_stiff = dev.is_elastic & (mode != MOVING)
-    return limited(act, dt, magnetic + where(is_stiff, dev.stop_need + damped, 0.0))
+    stiffened = dev.stop_need * sqrt(1.0 + dev.damping * fabs(at.velocity))  # its force rises so much faster
+    return limited(act, dt, magnetic + where(is_stiff, stiffened + damped, 0.0))
 
 
 def _rates(dev: Device, patch: Patch, walls: Scalar, contact: Contact, at: Continuous) -> tuple[Continuous, Losses]:
