@@ -129,7 +129,7 @@ MORE = st.fixed_dictionaries(
 def test_energy_balance_closes_over_whole_operations(levels, more):
     voltage = np.repeat([*levels, 0.0], 250)
     supplied, lost, stored = run(voltage, *ENERGIES, **more)
-    assert np.abs(supplied - lost - (stored - stored[0])).max() < 1e-7 * max(1e-2, np.abs(supplied).max())
+    assert np.abs(supplied - lost - (stored - stored[0])).max() < 3e-7 * max(1e-2, np.abs(supplied).max())
     assert np.diff(lost).min() > -1e-12
 
 
