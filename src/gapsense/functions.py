@@ -11,7 +11,7 @@ Each imports what it needs when it is called.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -258,6 +258,19 @@ def commission(
 _commission = commission
 
 
+def turns_are_assumed(
+    turns: float | None, given: Collection[str], marked: Collection[str], assume: bool, source: str
+) -> bool:
+    """Whether nobody gave the turns: they are asked for, unless those of `source` may be assumed."""
+    from gapsense.identification.assumptions import ask
+    from gapsense.identification.valve.show import BY_NAME
+
+    is_assumed = turns is None and ("coil.turns" not in given or "coil.turns" in marked)
+    if is_assumed and not assume:
+        ask(["coil.turns"], BY_NAME, "--turns", source, ", or as `--turns`")
+    return is_assumed
+
+
 @documented
 def gap_law(
     data: File,
@@ -281,7 +294,7 @@ def gap_law(
     ValueError
         The file cannot be read, or the turns are missing.
     """
-    from gapsense.identification.assumptions import ask, list_values, meanings
+    from gapsense.identification.assumptions import list_values, meanings
     from gapsense.identification.gap_law.laws import best_law, candidates
     from gapsense.identification.gap_law.show import gap_law_figure, gap_law_tables, standard_errors, write_gap_law
     from gapsense.identification.gap_law.table import columns_given, read_inductances
@@ -292,8 +305,7 @@ def gap_law(
     picture, source, known = checked(figure), Path(data), path(parameters)
     given, marked = read_sets([known] if known else [])
     par = parameters_of("solenoid_valve", known)
-    if (is_assumed := turns is None and ("coil.turns" not in given or "coil.turns" in marked)) and not assume:
-        ask(["coil.turns"], BY_NAME, "--turns", TABLE_I, ", or as `--turns`")
+    is_assumed = turns_are_assumed(turns, given, marked, assume, TABLE_I)
     number = turns or float(par.coil_turns)
     measured = read_inductances(source, columns_given(pairs(column)))
     found = candidates(measured.gap, number**2 / measured.inductance)
@@ -347,7 +359,7 @@ def fem(
     ValueError
         The file cannot be read, is of no such device, or the turns are missing.
     """
-    from gapsense.identification.assumptions import ask, meanings
+    from gapsense.identification.assumptions import meanings
     from gapsense.identification.fem import show
     from gapsense.identification.fem.reading import Given, read_solved
     from gapsense.identification.measurements.reading import reading
@@ -356,8 +368,7 @@ def fem(
 
     picture, source, how = checked(figure), Path(data), reading(pairs(column), "end", separator, decimal)
     known, marked = read_sets([Path(parameters)] if parameters else [])
-    if (no_turns := turns is None and ("coil.turns" not in known or "coil.turns" in marked)) and not assume:
-        ask(["coil.turns"], BY_NAME, "--turns", "the component `Mhe`", ", or as `--turns`")
+    no_turns = turns_are_assumed(turns, known, marked, assume, "the component `Mhe`")
     number = float(turns or known.get("coil.turns", BY_NAME["coil.turns"].start))
     points = read_solved(source, how, Given(number, current, float(symmetry), closed))
     stops = {"stop.lower": float(points.gap[0]), "stop.upper": float(points.gap[-1])}

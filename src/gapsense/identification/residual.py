@@ -18,7 +18,6 @@ import numpy.typing as npt
 from gapsense.identification.measurements.operations import Hum, coarse, hidden, hum, noise, resolution, starts
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.valve.model import JUMP, Trajectory
-from gapsense.report.table import quantity
 
 EXPLAINED = 1.25  # times the noise
 FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
@@ -129,12 +128,7 @@ def cause(found: Residual, causes: Mapping[str, str] = CAUSES) -> str:
 def hums(found: Sequence[Residual]) -> str:
     """That the usual cause is hum of the mains, if it is."""
     most = max((r.hum for r in found if r.hum), key=lambda hum: hum.amplitude, default=None)
-    return f"{told(most)}: the usual cause is hum of the mains" if most else ""
-
-
-def told(found: Hum) -> str:
-    """How much hum there is."""
-    return f"{quantity(found.amplitude, 'A')} of the current at rest goes with {found.frequency:g} Hz"
+    return f"{most.told}: the usual cause is hum of the mains" if most else ""
 
 
 LEAST = 1e-3  # of the largest value: with less, an estimator takes what its model leaves for a fault

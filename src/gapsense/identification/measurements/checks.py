@@ -21,7 +21,6 @@ from gapsense.identification.measurements.operations import (
     true_runs,
 )
 from gapsense.identification.measurements.record import SHOWN, UNITS, Columns, Record, Vector
-from gapsense.report.table import quantity
 
 FEWEST_SAMPLES = 8
 JITTER = 0.01  # largest deviation of a time step from their median, relative
@@ -194,10 +193,7 @@ def operation_problems(record: Record, file: str, period: float | None) -> Itera
     """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
     if (moved := drift(record)) and (buzz := hum(record)):
-        yield (
-            f"{file}: {quantity(buzz.amplitude, 'A')} of the current at rest goes with {buzz.frequency:g} Hz:"
-            " hum of the mains. Shield the sensor's wires, or filter both channels alike."
-        )
+        yield (f"{file}: {buzz.told}: hum of the mains. Shield the sensor's wires, or filter both channels alike.")
     elif moved:
         yield (
             f"{file}: the current at rest moves by {moved:.4g} A from the first operation to the end of the record: its"

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.identification.measurements.record import Record, Vector
+from gapsense.report.table import quantity
 
 Places = npt.NDArray[np.int_]
 
@@ -109,6 +110,11 @@ class Hum(NamedTuple):
 
     frequency: float  # [Hz]
     amplitude: float  # [A]
+
+    @property
+    def told(self) -> str:
+        """How much there is."""
+        return f"{quantity(self.amplitude, 'A')} of the current at rest goes with {self.frequency:g} Hz"
 
 
 def hum(record: Record) -> Hum | None:
