@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -71,6 +72,20 @@ def read_set(path: Path, problems: list[str]) -> ParameterSet:
         if name not in values:
             table.note("assumed", f"`{name}` has no value in `[values]`. {suggest(name, values)} Correct or remove it.")
     return ParameterSet(values, tuple(marked))
+
+
+BEND, CORE = "core.bend", {"core.reluctance", "core.saturation"}
+
+
+def core_problem(values: Mapping[str, Value], names: Container[str]) -> str:
+    """Sentence on a core with a bend of its own, which a component with the parameters `names` has not; or nothing."""
+    if not values.get(BEND) or BEND in names or not all(name in names for name in CORE):
+        return ""
+    return (
+        f"`{BEND}` is {values[BEND]:g} 1/H, but this component has no such parameter: `core.reluctance` and"
+        f" `core.saturation` would be those of another core. Leave out the bend and give both for a core without it,"
+        " or use a `TableActuator`."
+    )
 
 
 def located_values(table: Table, folder: Path) -> dict[str, Value]:

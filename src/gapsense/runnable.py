@@ -29,7 +29,7 @@ from gapsense.fmi.sentences import say
 from gapsense.fmi.values import ValuesError, fields, wrong_value
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
-from gapsense.parameters import read_parameters
+from gapsense.parameters import core_problem, read_parameters
 from gapsense.problems import ScenarioError, suggest
 
 Floats = npt.NDArray[np.float64]
@@ -134,6 +134,8 @@ class Runnable:
         if found:
             raise ScenarioError(found)
         known = {port.name: port.field for port in cls.ports.of("parameter")}
+        if problem := core_problem(values, known):
+            raise ScenarioError([f"{Path(path).name}, {cls.ports.name}: {problem}"])
         return cls(**{**{known[name]: value for name, value in values.items() if name in known}, **parameters})
 
     def run(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import butter, lfilter
 
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification.measurements.prepare import subtract_offsets
@@ -41,6 +42,7 @@ class Condition(NamedTuple):
     skew: float = 0.0  # the current is late [s]
     filtered: float = 0.0  # time constant of the current's filter [s]
     blurred: float = 0.0  # the same, of the filter of both channels [s]
+    order: int = 1  # of that filter; a second order is that of Butterworth
     drift: float = 0.0  # of the current's zero over the record [A]
     hum: float = 0.0  # at 50 Hz [A]
     step: float = 0.0  # of the current's converter [A]
@@ -97,7 +99,7 @@ def record(c: Condition, volts: float, count: int, rng: np.random.Generator) -> 
     seen = command if c.only_command else voltage
     late = c.skew / fine
     current = np.interp(np.arange(t.size) - late, np.arange(t.size), lowpass(current, fine, c.filtered))
-    v, i = (lowpass(x, fine, c.blurred)[FINE - 1 :: FINE] for x in (seen, current))
+    v, i = (lowpass(x, fine, c.blurred, c.order)[FINE - 1 :: FINE] for x in (seen, current))
     hum = c.hum * np.sin(2.0 * np.pi * 50.0 * np.arange(i.size) * c.dt + 1.0)
     i = c.gain * i + c.offset + c.drift * np.linspace(0.0, 1.0, i.size) + hum
     v, i = (x + c.noise * NOISE[name] * rng.standard_normal(x.size) for name, x in (("voltage", v), ("current", i)))
@@ -125,12 +127,11 @@ def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.nda
     return voltage, current
 
 
-def lowpass(x: np.ndarray, dt: float, memory: float) -> np.ndarray:
-    """A filter of first order."""
+def lowpass(x: np.ndarray, dt: float, memory: float, order: int = 1) -> np.ndarray:
+    """A filter of first order, with this time constant, or of second order with the same corner."""
     if not memory:
         return x
-    y, last, part = np.empty_like(x), 0.0, 1.0 - np.exp(-dt / memory)
-    for k, value in enumerate(x.tolist()):
-        last += part * (value - last)
-        y[k] = last
-    return y
+    if order == 2:
+        return np.asarray(lfilter(*butter(2, 1.0 / (2.0 * np.pi * memory), fs=1.0 / dt), x))
+    part = 1.0 - np.exp(-dt / memory)
+    return np.asarray(lfilter([part], [1.0, part - 1.0], x))

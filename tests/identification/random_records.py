@@ -17,13 +17,13 @@ Draw = Callable[[np.random.Generator], dict[str, float]]
 DISTURBANCES: dict[str, tuple[Draw, str]] = {  # what is drawn, and what is said of it where a record is refused
     "none": (lambda rng: {}, ""),
     "late": (lambda rng: {"skew": rng.uniform(5e-6, 40e-6)}, "late"),
-    "both filtered": (lambda rng: {"blurred": rng.uniform(15e-6, 50e-6)}, "edges|filter"),
+    "both filtered": (lambda rng: {"blurred": rng.uniform(8e-6, 80e-6), "order": rng.choice([1, 2])}, "edges|filter"),
     "offset": (lambda rng: {"offset": rng.uniform(-8e-3, 8e-3)}, "offset"),
     "noise": (lambda rng: {"noise": rng.uniform(1.0, 8.0)}, ""),
     "hum": (lambda rng: {"hum": rng.uniform(0.5e-3, 3e-3)}, "hum"),
     "drops": (lambda rng: {"series": rng.uniform(0.5, 3.0), "only_command": 1.0}, "drop|series|voltage that is not"),
     "eddy": (lambda rng: {"eddy": rng.uniform(1e-4, 1e-3)}, "losses"),
-    "warming": (lambda rng: {"warming": rng.uniform(0.0, 0.05)}, "warm|drift|resistance"),
+    "warming": (lambda rng: {"warming": rng.uniform(0.0, 0.3)}, "warm|drift|resistance"),
     "slow samples": (lambda rng: {"dt": rng.choice([20e-6, 80e-6])}, "edges"),
 }
 

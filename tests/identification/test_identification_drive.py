@@ -12,7 +12,7 @@ from valve_records import record
 
 from gapsense.identification import identify as choice
 from gapsense.identification.measurements.checks import operation_problems
-from gapsense.identification.measurements.operations import hum
+from gapsense.identification.measurements.hum import hum
 from gapsense.identification.options import CONVENTIONS
 from gapsense.identification.residual import residual, verdict
 from gapsense.identification.valve.driver import UNKNOWN, doubt_resistance, driver_notes, read_driver

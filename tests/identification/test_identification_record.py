@@ -10,10 +10,10 @@ import pytest
 from valve_records import columns, record, write
 
 from gapsense.cosim import run
-from gapsense.identification.measurements.operations import noise
 from gapsense.identification.measurements.prepare import unipolar
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import Reading
+from gapsense.identification.measurements.signals import noise
 from gapsense.problems import InputError
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -178,6 +178,16 @@ def test_parameters_come_from_a_file_as_far_as_a_component_has_them(tmp_path):
         gapsense.SolenoidValve.from_file(file)
 
 
+def test_core_with_a_bend_is_not_taken_for_one_without(tmp_path):
+    file = tmp_path / "fem.toml"
+    file.write_text('[values]\n"core.reluctance" = 1.5e6\n"core.saturation" = 0.028\n"core.bend" = 8e6\n', "utf-8")
+    with pytest.raises(ValueError, match=r"fem.toml, SolenoidValve: `core.bend` is 8e\+06 1/H.*TableActuator"):
+        gapsense.SolenoidValve.from_file(file)
+    assert gapsense.Ekf.from_file(file).parameters["core.bend"] == 8e6
+    file.write_text('[values]\n"core.reluctance" = 1.5e6\n"core.bend" = 0.0\n', "utf-8")
+    assert gapsense.SolenoidValve.from_file(file).parameters["core.reluctance"] == 1.5e6
+
+
 @pytest.mark.parametrize("name", sorted(FOLDERS))
 def test_help_tells_every_port_with_its_unit(name):
     component, made = load_component(FOLDERS[name]), getattr(gapsense, name)

@@ -53,7 +53,7 @@ from gapsense.cosim.scenario.records import (
     resolved,
     signals,
 )
-from gapsense.parameters import is_file
+from gapsense.parameters import core_problem, is_file
 from gapsense.problems import ScenarioError, listing, suggest
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 from gapsense.tables import Value, found, is_integer, is_number
@@ -490,6 +490,10 @@ def check_sets(components: Mapping[str, Component], descriptions: Descriptions) 
                 names = [name for name in names if name in variables or name not in others]
             problems = [name_problem(name, variables) for name in names]
             yield from (f"{file.name} (given to {listing(users)}): {problem}" for problem in problems if problem)
+    for name, description in descriptions.items():
+        for file, values in components[name].sets.items() if name in components else ():
+            if problem := core_problem(values, description.variables):
+                yield f"{file.name}, components.{name}: {problem}"
 
 
 def check_values(component: Component, description: Description) -> Iterator[str]:

@@ -8,15 +8,17 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.identification.measurements.operations import SIGMAS, noise, trapezoid, true_runs
+from gapsense.identification.measurements import signals
+from gapsense.identification.measurements.operations import trapezoid
 from gapsense.identification.measurements.record import Vector
+from gapsense.identification.measurements.signals import SIGMAS, noise, true_runs
 
 Matrix = npt.NDArray[np.float64]
 ON = 0.25  # of the largest voltage: what is more is on, also pulses of less height
 LEVEL = 0.01  # of the range of the current, by which its end is found
 LONGEST = 50  # samples over which the noise of a current that ends is averaged
 PLACE = "place."  # begins the name of a cause that is about one edge of the voltage: `place.RECORD.SAMPLE`
-JUMP, STEEP = 0.25, 0.1  # of the range of the voltage: what is an edge, and a change between two samples of it
+STEEP = 0.1  # of the range of the voltage: a change between two samples of an edge
 BESIDE = 3  # samples before and after an edge that go with it, and with no other one
 MOST = 60  # edges whose places are sought
 ANYWHERE = 0.5  # standard deviation of the place of an edge, in samples, before anything is known
@@ -74,12 +76,10 @@ def edges(voltage: Vector) -> list[int]:
 
     Where a clamp ends the current tells, see `halves`.
     """
-    steps, size = np.diff(voltage), float(np.ptp(voltage))
-    least, found = STEEP * size, list[int]()
-    for a, b in true_runs(np.abs(steps) > max(least, SIGMAS * noise(voltage))):
-        change, before = float(steps[a:b].sum()), float(voltage[a])
-        if abs(change) > JUMP * size and not (before < -least and change > 0.0 and abs(before + change) < least):
-            found.append(a + 1 + int(np.argmax(np.abs(steps[a:b]))))
+    steps, least, found = np.abs(np.diff(voltage)), STEEP * float(np.ptp(voltage)), list[int]()
+    for a, b in signals.edges(voltage, STEEP):
+        if not (voltage[a] < -least and abs(voltage[b]) < least):
+            found.append(a + 1 + int(np.argmax(steps[a:b])))
     apart = np.diff([-BESIDE, *found])
     return found if len(found) <= MOST and bool(np.all(apart > 2 * BESIDE)) else []
 
@@ -186,6 +186,7 @@ CAUSES: Mapping[str, Cause] = {
     "series": Cause("Ohm", _ohms, series, "a resistance in series while the voltage is on, of", is_positive=True),
     "drop": Cause("V", _volts, drop, "a drop while the current falls, of", is_positive=True),
     "eddy": Cause("S", lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", is_positive=True),
+    "drift": Cause("1", _one, drift, "a coil that gets warm: its resistance grows during an operation, relatively, by"),
 }
 HIDDEN = {  # what no residual need show: other values of the parameters explain much the same; relative, but for volts
     "current": Cause(
@@ -193,5 +194,4 @@ HIDDEN = {  # what no residual need show: other values of the parameters explain
     ),
     "voltage": Cause("1", _one, lambda s, x: s._replace(halves=s.halves * (1.0 - x)), "a voltage that is too large by"),
     "tail": Cause("V", _volts, tail, "a drop that ends later, of"),
-    "drift": Cause("1", _one, drift, "a resistance that grows during an operation, by"),
 }

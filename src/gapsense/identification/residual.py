@@ -15,8 +15,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.identification.measurements.operations import Hum, coarse, hidden, hum, noise, resolution, starts
+from gapsense.identification.measurements.hum import Hum, hum
+from gapsense.identification.measurements.operations import coarse, starts
 from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.measurements.signals import hidden, noise, resolution
 from gapsense.identification.valve.model import JUMP, Trajectory
 
 EXPLAINED = 1.25  # times the noise
@@ -45,7 +47,7 @@ class Residual(NamedTuple):
     limit: float  # up to which the model explains the record [A]
     correlation: float  # of neighbouring residuals; 0 for noise
     places: Mapping[str, float]  # part of the squares, by where they lie
-    hum: Hum | None  # of the current at rest, if the residual may be due to it
+    hum: Hum | None  # of the current at rest, if too much is left, which may be due to it
 
     @property
     def is_explained(self) -> bool:
@@ -61,14 +63,15 @@ class Residual(NamedTuple):
 def residual(record: Record, model: Trajectory, first: int) -> Residual:
     """What the model, which begins at sample `first`, leaves of a record."""
     i, error = record.current[first:], record.current[first:] - model.current
-    squares, sigma, found = error**2, noise_of(record, first), hum(record)
-    rms = float(np.sqrt(squares.mean()))
+    squares, sigma = error**2, noise_of(record, first)
+    rms, limit = float(np.sqrt(squares.mean())), max(EXPLAINED * sigma, _floor(i))
+    found = hum(record) if rms > limit else None
     places = {name: float(squares[at].sum() / squares.sum()) for name, at in _places(record, model, first).items()}
     return Residual(
         record=record.name,
         rms=rms,
         noise=sigma,
-        limit=max(EXPLAINED * sigma, _floor(i)),
+        limit=limit,
         correlation=float(error[1:] @ error[:-1] / (error @ error)),
         places=places,
         hum=found if found and rms**2 < sigma**2 + (HUMS * found.amplitude) ** 2 else None,

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from gapsense.estimators.mhe.model import Parameters
-from gapsense.identification.measurements.operations import true_runs
 from gapsense.identification.measurements.record import Record
+from gapsense.identification.measurements.signals import edges, true_runs
 from gapsense.identification.residual import FLOOR, Residual
 from gapsense.identification.valve.model import JUMP, Trajectory
 
@@ -46,7 +46,7 @@ def spans_of(record: Record, model: Trajectory) -> tuple[float, float]:
     """How long the longest motion lasts, and how long after an edge of the voltage the last one lands [s]."""
     v, z = record.voltage[record.times.size - model.position.size :], model.position
     moving = true_runs(np.diff(z) != 0.0)
-    edges = np.flatnonzero(np.abs(np.diff(v)) > JUMP * np.ptp(v))
-    lands = [b - edges[edges < b][-1] for _, b in moving if (edges < b).any()]
+    begins = np.array([a for a, _ in edges(v, JUMP)])
+    lands = [b - begins[begins < b][-1] for _, b in moving if (begins < b).any()]
     lengths = [b - a for a, b in moving]
     return record.dt * max(lengths, default=0), record.dt * float(max(lands, default=0))

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from gapsense.identification.measurements.operations import Flux, hidden, noise, trapezoid
+from gapsense.identification.measurements.operations import Flux, trapezoid
 from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.report.table import quantity, table
 
 REFERENCE = 20.0  # degC

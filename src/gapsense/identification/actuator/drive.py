@@ -17,9 +17,10 @@ import numpy.typing as npt
 from gapsense.estimators.mhe.model import Parameters
 from gapsense.estimators.mhe.watch import SAME
 from gapsense.estimators.mhe.window import JUMP
-from gapsense.identification.measurements.operations import coarse, hidden, starts
+from gapsense.identification.measurements.operations import coarse, starts
 from gapsense.identification.measurements.prepare import remaining
 from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.measurements.signals import hidden
 from gapsense.identification.residual import REST, noise_of, noises
 
 FINEST = 20e-6  # s; the model takes no longer steps, for which its errors are below 1 um

@@ -20,22 +20,15 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import chdtri
+import scipy
 
 from gapsense._os.workers import Progress
 from gapsense.identification.coil import kernel as device
 from gapsense.identification.coil.kernel import NO_SATURATION, Outputs, Parameters
 from gapsense.identification.least_squares import currents, differences, finite, long_run, minimise
-from gapsense.identification.measurements.operations import (
-    coil,
-    estimate,
-    mean_resistance,
-    noise,
-    operations,
-    resolution,
-    starts,
-)
+from gapsense.identification.measurements.operations import coil, estimate, mean_resistance, operations, starts
 from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.measurements.signals import noise, resolution
 from gapsense.identification.residual import FLOOR, REST, Residual, noise_of, residual
 from gapsense.identification.show import Validation, compare
 from gapsense.identification.valve.model import Trajectory, take_out_causes
@@ -435,7 +428,7 @@ def disagreement(pulls: Sequence[Vector], variances: Sequence[Vector]) -> Vector
     """
     free = max(1, len(pulls) - 1)  # one record disagrees with none
     squares = np.sum(np.square(pulls) / np.maximum(variances, 1e-300), axis=0)
-    return np.where((len(pulls) > 1) & (squares > chdtri(free, CHANCE)), np.sqrt(squares / free), 1.0)
+    return np.where((len(pulls) > 1) & (squares > scipy.special.chdtri(free, CHANCE)), np.sqrt(squares / free), 1.0)
 
 
 def trajectory(par: Parameters, record: Record, first: int, voltage: float = 0.0, current: float = 0.0) -> Trajectory:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares, nnls
+import scipy
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.identification.least_squares import rms
@@ -102,7 +102,7 @@ def not_negative(columns: Matrix, values: Vector) -> Vector:
     sizes = np.linalg.norm(columns, axis=0)
     sizes[sizes == 0.0] = 1.0
     Q, triangle = np.linalg.qr(columns / sizes)
-    return np.asarray(nnls(triangle, Q.T @ values)[0] / sizes)
+    return np.asarray(scipy.optimize.nnls(triangle, Q.T @ values)[0] / sizes)
 
 
 def basis(knots: Vector, h: Vector) -> Matrix:
@@ -136,7 +136,7 @@ def _fringing(h: Vector, R: Vector, is_tied: bool) -> Law:
     most = [1e3 * slope, WINDOW[1] * largest, 2.0 * float(R.max()), 1e3 / largest]
     bounds = [np.log(limits[: 3 if is_tied else 4]) for limits in (least, most)]
     starts = [np.clip(np.log(x[: bounds[0].size]), bounds[0] + 1e-6, bounds[1] - 1e-6) for x in tried]
-    found = [least_squares(residuals, x, bounds=bounds) for x in starts]
+    found = [scipy.optimize.least_squares(residuals, x, bounds=bounds) for x in starts]
     return law(min(found, key=lambda each: each.cost).x)
 
 

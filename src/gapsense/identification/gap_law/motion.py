@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares, minimize_scalar
+import scipy
 
 from gapsense.actuators.magnetics import MU_0, SATURATED
 from gapsense.identification.gap_law.laws import Law, Matrix, Vector, basis, not_negative, reluctance, total
@@ -122,7 +122,7 @@ def _summed(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> S
     spans = np.log(np.geomspace(1.0 + 1e-3, FARTHEST, 25) * np.abs(samples.flux_linkage).max())
     k = int(np.argmin([square(fitted(span)[1]) for span in spans]))
     bounds = spans[max(k - 1, 0)], spans[min(k + 1, spans.size - 1)]
-    at = float(minimize_scalar(lambda x: square(fitted(x)[1]), bounds=bounds, method="bounded").x)
+    at = float(scipy.optimize.minimize_scalar(lambda x: square(fitted(x)[1]), bounds=bounds, method="bounded").x)
     factors, left = fitted(at)
     core, offset, *rest = factors.tolist() if has_offset else (factors[0], 0.0, *factors[1:])
     return Sum(
@@ -148,7 +148,8 @@ def _fringing(samples: Measured, turns: float, upper: float, linear: Trial) -> T
     low = np.log([1e-3, 1.3 * upper, 1e-3 * core, 1.0005 * largest])
     high = np.log([1e20, WIDEST * upper, 1e3 * core, 1.001 * FARTHEST * largest])
     tried = [
-        least_squares(left, np.clip(x, low, high), bounds=(low - 1e-9, high + 1e-9), x_scale="jac") for x in starts
+        scipy.optimize.least_squares(left, np.clip(x, low, high), bounds=(low - 1e-9, high + 1e-9), x_scale="jac")
+        for x in starts
     ]
     x = min(tried, key=lambda each: each.cost).x
     return Trial(

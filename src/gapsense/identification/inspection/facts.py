@@ -15,14 +15,12 @@ from gapsense.identification.measurements.operations import (
     at_rest,
     coil,
     estimate,
-    hidden,
-    noise,
     operations,
-    resolution,
     starts,
 )
 from gapsense.identification.measurements.prepare import FEWEST_AT_REST, offset
 from gapsense.identification.measurements.record import Columns, Offset, Record, Vector
+from gapsense.identification.measurements.signals import edges, hidden, noise, resolution
 
 SWITCHED = 0.1  # of the range of the voltage, that it rises at once where it is switched
 OFTEN = 5  # times that the voltage rises in an operation that is switched
@@ -110,11 +108,7 @@ def decay(record: Record, operation: Operation) -> float | None:
 
 def edge(v: Vector) -> float:
     """Samples over which an edge of the voltage goes, the median over the first ones."""
-    limit = max(STEEP * float(np.ptp(v)), 6.0 * noise(v))
-    steps = np.diff(v)
-    places = np.flatnonzero(np.abs(steps) > limit)[: 20 * EDGES]
-    runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
-    lengths = [run.size for run in runs[:EDGES] if abs(float(steps[run].sum())) > 0.5 * np.ptp(v)]
+    lengths = [b - a for a, b in edges(v, STEEP)[:EDGES]]
     return float(np.median(lengths)) if lengths else 1.0
 
 

@@ -7,20 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.identification.measurements.operations import (
-    SIGMAS,
-    SMALL,
-    Operation,
-    drift,
-    estimate,
-    hum,
-    noise,
-    operations,
-    resolution,
-    starts,
-    true_runs,
-)
+from gapsense.identification.measurements.hum import hum
+from gapsense.identification.measurements.operations import SMALL, Operation, drift, estimate, operations, starts
 from gapsense.identification.measurements.record import SHOWN, UNITS, Columns, Record, Vector
+from gapsense.identification.measurements.signals import SIGMAS, noise, resolution, true_runs
 
 FEWEST_SAMPLES = 8
 JITTER = 0.01  # largest deviation of a time step from their median, relative

@@ -19,21 +19,19 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.identification.measurements.record import Record, Vector
-from gapsense.report.table import quantity
+from gapsense.identification.measurements.signals import SIGMAS, hidden, noise, resolution, true_runs
 
 Places = npt.NDArray[np.int_]
 
 LOW, HIGH = 0.25, 0.75  # levels between the lowest and the highest voltage that tell an edge from noise
 SMALL = {"voltage": 0.02, "current": 0.01}  # what counts as rest, relative to the range of a signal
-SIGMAS = 4.0
 PAUSE = 0.1  # a rest shorter than this part of the longest activity ends no operation
 FEW = 3  # samples; an activity that is shorter is a spike
 DRIFT = 0.01  # of the largest current: a level at rest that moves by less is steady
 WHITE = 0.7  # of the root mean square of a signal: with more of it in its second differences, it is noise
 MANY = 20  # samples at rest whose mean tells its level
+WARMER = 5e-3  # relative growth of the resistance that tells a coil that gets warm
 HELD, STEADY = 4, 2e-3  # last part of a closing, as 1 over it, in which means change by less, relative to the range
-MAINS = (50.0, 60.0)  # Hz
-CHANCE, MOST = 40.0, 0.6  # squares over the noise's that hum must explain; its part of those that noise does not
 
 
 class Operation(NamedTuple):
@@ -52,23 +50,6 @@ class Operation(NamedTuple):
     def balanced(self) -> slice:
         """The samples over which the flux linkage does not change, for (23): all, or those of a held coil."""
         return slice(self.stop + 1 - self.held, self.stop + 1) if self.held else self.inside
-
-
-def noise(x: Vector) -> float:
-    """Standard deviation of the noise of a signal, from its second differences; jumps do not count."""
-    curvature = np.abs(np.diff(x, 2))
-    return float(1.4826 * np.median(curvature) / np.sqrt(6.0)) if curvature.size else 0.0
-
-
-def resolution(x: Vector) -> float:
-    """Smallest difference between two values."""
-    return float(np.diff(np.unique(x)).min(initial=np.inf))
-
-
-def hidden(x: Vector) -> float:
-    """Standard deviation of what the steps of a converter hide; 0 for a signal that never changes."""
-    step = resolution(x)
-    return step / float(np.sqrt(12.0)) if np.isfinite(step) else 0.0
 
 
 def coarse(x: Vector) -> float:
@@ -103,44 +84,6 @@ def drift(record: Record) -> float:
     levels = np.array([x.mean() for x in still])
     moved = float(levels[-1] - levels[0])
     return moved if abs(moved) > max(SIGMAS * sigma, DRIFT * float(np.abs(i).max())) else 0.0
-
-
-class Hum(NamedTuple):
-    """What of the current at rest goes with the mains."""
-
-    frequency: float  # [Hz]
-    amplitude: float  # [A]
-
-    @property
-    def told(self) -> str:
-        """How much there is."""
-        return f"{quantity(self.amplitude, 'A')} of the current at rest goes with {self.frequency:g} Hz"
-
-
-def hum(record: Record) -> Hum | None:
-    """Hum, if it explains most of what the current does at rest: before, and in the later half of pauses."""
-    i, off = record.current, np.abs(record.voltage) < leaves(record.voltage, "voltage")
-    ended = [0, *(end for _, end in activities(record))]
-    pauses = zip(ended, [*starts(record), i.size])
-    rests = [np.arange((a + b) // 2 if a else 0, b) for a, b in pauses]
-    at = np.concatenate([x[off[x]] for x in rests if x.size >= MANY] or [np.zeros(0, dtype=int)])
-    if at.size < 2 * MANY or at[-1] - at[0] < 1.0 / (min(MAINS) * record.dt):
-        return None
-    x, sigma = i[at], max(noise(i), hidden(i))
-
-    def fit(*columns: Vector) -> tuple[float, Vector]:
-        matrix = np.stack((np.ones(at.size), *columns), axis=1)
-        found = np.linalg.lstsq(matrix, x, rcond=None)[0]
-        return float(((x - matrix @ found) ** 2).sum()), found
-
-    waves = {f: 2.0 * np.pi * f * record.dt * at for f in MAINS}
-    fits = {f: fit(np.sin(phase), np.cos(phase)) for f, phase in waves.items()}
-    left = min(left for left, _ in fits.values())
-    alike = {f: float(np.hypot(*found[1:])) for f, (least, found) in fits.items() if least <= left + CHANCE * sigma**2}
-    f = min(alike, key=lambda f: alike[f])  # one that is nearly in step with the operations has a large amplitude
-    steady, moving = fit()[0], fit(at * record.dt)[0]
-    enough = max(CHANCE * sigma**2, MOST * (steady - at.size * sigma**2), steady - moving)
-    return Hum(f, alike[f]) if steady - left > enough else None
 
 
 def leaves(x: Vector, name: str) -> float:
@@ -178,12 +121,6 @@ def activities(record: Record) -> list[tuple[int, int]]:
 def _is_moved(v: Vector, ended: int, begin: int, end: int) -> bool:
     """Whether the voltage rests from the end of an activity to that of the next: a mover that goes back makes that."""
     return bool(np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= leaves(v, "voltage")))
-
-
-def true_runs(is_true: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Starts and ends of stretches that are true."""
-    change = np.flatnonzero(np.diff(np.concatenate(([0], is_true.astype(int), [0]))))
-    return list(zip(change[::2].tolist(), change[1::2].tolist()))
 
 
 def starts(record: Record) -> list[int]:
@@ -260,6 +197,7 @@ class Flux(NamedTuple):
     resistances: Vector  # of each [Ohm], (23)
     per_sample: Vector  # resistance of the interval before each sample [Ohm]
     flux_linkage: Vector  # at each sample [Wb]; zero before the first operation
+    warmed: Vector  # what the resistance takes more than that from the interval before each sample [V]
 
 
 def trapezoid(current: Vector) -> Vector:
@@ -275,9 +213,22 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
     per_sample[: found[0].start + 1] = resistances[0]
     for operation, R in zip(found, resistances):
         per_sample[operation.inside] = R
-    rates = applied - per_sample * means
+    more = warmed(means, found, resistances)
+    rates = applied - per_sample * means - more
     rates[: found[0].start + 1] = 0.0
-    return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates))
+    return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates), more)
+
+
+def warmed(means: Vector, found: list[Operation], R: Vector) -> Vector:
+    """What the resistance takes more, first less, within each operation, if it grows from each to the next [V]."""
+    more = np.zeros(means.size)
+    if len(found) < 2 or R[-1] < (1.0 + WARMER) * R[0] or np.any(np.diff(R) <= 0.0):
+        return more
+    places = [np.arange(o.start + 1.0, o.stop + 1.0) for o in found]
+    middles = [float(np.average(at, weights=means[o.inside])) for at, o in zip(places, found)]
+    for at, middle, slope, o in zip(places, middles, np.gradient(R, middles), found):
+        more[o.inside] = slope * (at - middle) * means[o.inside]
+    return more
 
 
 def mean_resistance(*records: Record) -> float:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gapsense.identification.measurements.operations import activities, at_rest, hidden, noise, operations, resolution
+from gapsense.identification.measurements.operations import activities, at_rest, operations
 from gapsense.identification.measurements.record import Offset, Record, Vector, part
+from gapsense.identification.measurements.signals import hidden, noise, resolution
 
 MOST_OFFSET = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
 SIGNIFICANT = 4.0  # standard errors
@@ -87,7 +88,8 @@ def turn_upright(record: Record) -> Record:
     if -i.min() < ONE_WAY * max(float(i.max()), 0.0) or i.min() >= 0.0 or float(record.voltage @ i) <= 0.0:
         return record
     said = "voltage and current are negative; the signs of both are changed."
-    turned = record._replace(voltage=-record.voltage, current=-i, halves=-record.halves)
+    filtered = record.filtered and record.filtered.reversed
+    turned = record._replace(voltage=-record.voltage, current=-i, halves=-record.halves, filtered=filtered)
     return turned._replace(remarks=(*record.remarks, said))
 
 
@@ -151,6 +153,7 @@ def average_blocks(record: Record, size: int) -> Record:
         mode=None if record.mode is None else record.mode[middles],
         rows=record.rows[middles],
         is_mean=True,
+        filtered=None,
     )
 
 

@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.identification.measurements.low_pass import Filtered, find_low_pass
+
 Vector = npt.NDArray[np.float64]
 
 CLAMP = 0.1  # of the largest voltage, against the current, from which it is clamped
 LINE = 4  # samples of a falling current through which a line is drawn, and of the rest after it
 STEPS = np.arange(1.0 - LINE, 1.0)
-SETTLED = 10  # samples after which an edge behind a filter is over
-SEEN, EDGE = 0.02, 0.25  # of the range: what shows in a sample, and what is an edge
-FEWEST, SLOW, AGREEING = 4, 0.7, 0.1  # ratios that tell a filter, the largest one of them, and their deviation
 CLEAR = 8.0  # times by which it falls in a sample more than noise or bend hide
 
 
@@ -29,58 +28,15 @@ def halves(v: Vector, i: Vector, convention: str) -> Vector:
 
     Of a convention, `trapezoid` takes up to the middle the voltage of the first sample, then that of the second (an
     edge lies half-way on the average); `end` or `start`, that of the sample at the end or the start (held by the
-    drive); `filtered` follows edges through a filter of first order that both channels have.  Means over the intervals
-    are taken as they are, `end`.
+    drive); `filtered` is `trapezoid`, but for edges that come through a filter, see `between`.  Means over the
+    intervals are taken as they are, `end`.
     """
     before = np.concatenate((v[:1], v[:-1]))
     found = np.stack((v if convention == "end" else before, before if convention == "start" else v), axis=1)
-    if convention == "filtered" and (falls := memory(v)):
-        for k in filtered_edges(v):
-            found[k : k + SETTLED] = filtered(v, k, falls)
     for k, part in ends(v, i):
         shares = np.clip([2.0 * part, 2.0 * part - 1.0], 0.0, 1.0)
         found[k] = v[k] + (v[k - 1] - v[k]) * shares
     return np.asarray(found)
-
-
-def memory(v: Vector) -> float:
-    """By what factor that which is left of an edge falls in a sample, behind a filter of first order; 0 if it is sharp.
-
-    All samples after all edges tell it, and must agree.
-    """
-    ratios = list[float]()
-    for k in filtered_edges(v):
-        left = v[k : k + SETTLED] - np.median(v[k + SETTLED : k + 2 * SETTLED])
-        large = np.flatnonzero(np.abs(left[:-1]) > SEEN * np.ptp(v))
-        ratios += (left[large + 1] / left[large]).tolist()
-    found = float(np.median(ratios)) if len(ratios) >= FEWEST else 0.0
-    return found if SEEN < found < SLOW and np.std(ratios) < AGREEING else 0.0
-
-
-def filtered_edges(v: Vector) -> list[int]:
-    """The first sample after each edge between two levels, if samples enough follow it."""
-    size, found = float(np.ptp(v)), list[int]()
-    for k in (np.flatnonzero(np.abs(np.diff(v)) > SEEN * size) + 1).tolist():
-        before, after = v[max(k - LINE, 0) : k], v[k + SETTLED : k + 2 * SETTLED]
-        is_level = after.size == SETTLED and max(np.ptp(before), np.ptp(after)) < SEEN * size
-        if is_level and abs(np.median(after) - np.median(before)) > EDGE * size:
-            found.append(k)
-    return found
-
-
-def filtered(v: Vector, k: int, falls: float) -> Vector:
-    """Voltage in the halves of the intervals from that before sample `k` on, where an edge comes through a filter."""
-    start, end = np.median(v[max(k - LINE, 0) : k]), np.median(v[k + SETTLED : k + 2 * SETTLED])
-    rate = -np.log(falls)
-    begin = 1.0 - np.clip(np.log(max((end - v[k]) / (end - start), falls)) / -rate, 0.0, 1.0)  # of the interval
-
-    def passed(t: Vector) -> Vector:
-        """Volt-samples since the edge beyond those of the level before it."""
-        since = np.maximum(t - begin, 0.0)
-        return np.asarray((end - start) * (since + np.expm1(-rate * since) / rate))
-
-    ends = np.arange(2 * SETTLED + 1) / 2.0
-    return np.asarray(start + 2.0 * np.diff(passed(ends)).reshape(-1, 2))
 
 
 def ends(v: Vector, i: Vector) -> Iterator[tuple[int, float]]:
@@ -148,6 +104,7 @@ class Record(NamedTuple):
     position_noise: float | None = None  # [m], where the position is to be fitted
     temperature: float | None = None  # mean [degC], where it was recorded
     drive: Mapping[str, float] = {}  # what else than the samples tell is to be taken out of them, see `causes`
+    filtered: Filtered | None = None  # a low-pass of both channels, by which the voltage is read
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
     @property
@@ -169,23 +126,28 @@ class Record(NamedTuple):
 def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
     """Record of columns without problems; see `halves`."""
     v, i, temperature = columns.values["voltage"], columns.values["current"], columns.values.get("temperature")
-    return Record(
+    made = Record(
         name=Path(columns.file).stem,
         times=columns.values["time"],
         voltage=v,
         current=i,
-        halves=np.stack((v, v), axis=1) if columns.is_mean else halves(v, i, convention),
+        halves=np.stack((v, v), axis=1),
         position=columns.values.get("position"),
         mode=columns.values.get("mode"),
         rows=columns.rows,
         is_mean=columns.is_mean,
         temperature=None if temperature is None or not np.isfinite(temperature).all() else float(temperature.mean()),
     )
+    return between(made, convention)
 
 
 def between(record: Record, convention: str) -> Record:
-    """The record with another voltage between its samples."""
-    return record if record.is_mean else record._replace(halves=halves(record.voltage, record.current, convention))
+    """The record with another voltage between its samples; a low-pass that it has is not sought again."""
+    if record.is_mean:
+        return record
+    v, is_filtered = record.voltage, convention == "filtered"
+    found = (record.filtered or find_low_pass(v)) if is_filtered else None
+    return record._replace(halves=found.halves(v) if found else halves(v, record.current, convention), filtered=found)
 
 
 def part(record: Record, at: slice) -> Record:

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import lfilter
+import scipy
 
 from gapsense.identification.assumptions import scale
 from gapsense.identification.causes import (
@@ -297,10 +297,11 @@ def shares_of(at: Linear, residuals: Vector, sizes: Mapping[str, float], errors:
 
 def _correlate(W: Matrix, length: float) -> Matrix:
     """Sum of W[:, k] W[:, j] exp(-|k - j| / length) over all k and j."""
-    before = W @ lfilter([1.0], [1.0, -np.exp(-1.0 / length)], W, axis=1).T
+    before = W @ scipy.signal.lfilter([1.0], [1.0, -np.exp(-1.0 / length)], W, axis=1).T
     return np.asarray(before + before.T - W @ W.T)
 
 
+WITHIN = 0.5  # of the change of the resistance between operations: how well what it does within one is known
 STEPPED = 0.015  # delay that the steps of the model make, of a sample
 
 
@@ -350,6 +351,9 @@ def uncertainty(
     edges = at.feedback @ at.believed
     edges = np.vstack([edges, at.resistance @ edges])  # what the records do not tell of their places
     cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts) + edges @ edges.T
+    for other in with_other_filters(experiments):
+        shift = -at.feedback @ (at.inverse @ (residuals(form, [ratios], other)[0] - r))
+        cov = cov + np.outer(shift := np.append(shift, at.resistance @ shift), shift)
     if "delay" in fitted:  # the steps of the model make one, which adds to all that goes with it
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
@@ -369,6 +373,14 @@ def uncertainty(
         causes={name: float(s * sizes[name]) for name, s in zip(causes, std[count + 1 :])},
         shares=shares,
     )
+
+
+def with_other_filters(experiments: Sequence[Experiment]) -> Iterator[list[Experiment]]:
+    """The experiments with the low-pass of one of them one standard error off."""
+    for k, e in enumerate(experiments):
+        for other in e.filtered.others if e.filtered else ():
+            changed = e._replace(filtered=e.filtered and e.filtered._replace(low_pass=other))
+            yield [*experiments[:k], changed, *experiments[k + 1 :]]
 
 
 def reported(form: Form, causes: Collection[str] = ()) -> Matrix:
@@ -401,9 +413,8 @@ def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[
     drops = {
         "tail": abs(prepared.drive.get("drop", 0.0)) / sum(len(flux.operations) for flux in prepared.fluxes) ** 0.5
     }
-    return Doubts(
-        misfits, errors | {"drift": (rms(x) if (x := np.concatenate(changes)).size else 0.0)} | drops | {**accuracy}
-    )
+    drift = {"drift": WITHIN * rms(x) if (x := np.concatenate(changes)).size else 0.0}
+    return Doubts(misfits, errors | drift | drops | {**accuracy})
 
 
 def _beyond_noise(

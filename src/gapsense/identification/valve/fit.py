@@ -104,6 +104,8 @@ def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: D
         readings = [prepare_all(prepared.raw, prepared.period, name) for name in method.conventions]
         best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
         prepared = readings[best]
+    if prepared.records[0].filtered and not drive.is_timed:  # whose mean delay is not known to the last microsecond
+        drive = drive._replace(fitted=(*drive.fitted, "delay"))
     fit.course.begins("forms")
     if not found:
         return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=[], causes=drive.fitted)
@@ -134,6 +136,7 @@ class Identified(NamedTuple):
     trials: list[Trial]  # forms that were tried
     drive: Mapping[str, float] = {}  # values of the causes that were taken out of the records, see `causes`
     places: Mapping[str, float] = {}  # of edges that lie differently between two samples, likewise [samples]
+    low_pass: str = ""  # sentence on that of both channels, if it was found
     held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
     assumed: Mapping[str, float] = {}  # fields that were neither given nor found, and the doubt about their values
 
@@ -318,4 +321,5 @@ def _conclude(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, 
         trials=beginning.trials,
         drive=prepared.drive,
         places=prepared.places,
+        low_pass=next((r.filtered.told(r.dt) for r in prepared.records if r.filtered), ""),
     )

@@ -21,8 +21,9 @@ from gapsense.identification.gap_law.motion import KNOWN, Measured, Trial, evide
 from gapsense.identification.gap_law.show import fields
 from gapsense.identification.gap_law.table import read_inductances, remarks
 from gapsense.identification.least_squares import rms
-from gapsense.identification.measurements.operations import estimate, hidden, noise, operations
+from gapsense.identification.measurements.operations import estimate, operations
 from gapsense.identification.measurements.record import Record, between
+from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.identification.parameter_set import write_table
 from gapsense.identification.residual import EXPLAINED
 from gapsense.identification.valve.fit import Identified

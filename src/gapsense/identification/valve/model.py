@@ -12,17 +12,10 @@ import numpy.typing as npt
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification.causes import PLACE, Signals, apply_causes, edges, is_place, of_record
 from gapsense.identification.least_squares import Matrix, finite
-from gapsense.identification.measurements.operations import (
-    Flux,
-    Operation,
-    coil,
-    estimate,
-    hidden,
-    noise,
-    operations,
-    trapezoid,
-)
+from gapsense.identification.measurements.low_pass import Filtered, weights
+from gapsense.identification.measurements.operations import Flux, Operation, coil, estimate, operations, trapezoid
 from gapsense.identification.measurements.record import Record, Vector, between
+from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.identification.valve.form import FACTOR, Device, Form, kernel_of, output_getter
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Array, Plan, over_runs, plan
@@ -64,6 +57,7 @@ class Experiment(NamedTuple):
     position: Vector | None = None  # measured [m], where it is fitted
     amperes: float = 0.0  # of its residual: noise of the current over that of the position [A/m]
     first: int = 0  # sample of the record with which it begins
+    filtered: Filtered | None = None  # low-pass of both channels: what is measured of the model comes through it
 
     @property
     def size(self) -> int:
@@ -81,7 +75,7 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
     flux = estimate(record, operations(record, period))
     first = flux.operations[0].start
     shifted = [Operation(o.start - first, o.stop - first, o.held) for o in flux.operations]
-    signals = (record.halves, flux.per_sample, record.current, flux.flux_linkage)
+    signals = (record.halves - flux.warmed[:, None], flux.per_sample, record.current, flux.flux_linkage)
     halves, resistance, current, flux_linkage = (samples[first:] for samples in signals)
     made = Experiment(
         dt=record.dt,
@@ -91,6 +85,7 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
         flux_linkage=flux_linkage,
         operations=shifted,
         first=first,
+        filtered=record.filtered,
     )
     if record.position is None or record.position_noise is None:
         return made, flux
@@ -130,12 +125,19 @@ def pooled_resistance(experiments: Sequence[Experiment]) -> float:
     return float(np.average([mean_resistance(e) for e in experiments], weights=[charge(e) for e in experiments]))
 
 
-def simulate(par: Device, halves: Vector, dt: float, resistance: Vector) -> Trajectory:
+def simulate(
+    par: Device, halves: Vector, dt: float, resistance: Vector, filtered: Filtered | None = None
+) -> Trajectory:
     """The model from rest on, at each sample; the resistance is that of the interval before it.
+
+    Its current is that behind a low-pass, without its mean delay, if there is one.
 
     Where the voltage jumps within an interval, its halves are two steps: in saturation the flux follows so fast that
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
+    if filtered:
+        model = simulate(par, _single(halves), 0.5 * dt, resistance.repeat(2))
+        return Trajectory(behind(filtered, model.current), model.flux_linkage[1::2], model.position[1::2])
     kernel, voltages, resistances = kernel_of(par), halves.mean(axis=1).tolist(), resistance.tolist()
     step, look = kernel.scalar["step"], output_getter(kernel)
     is_jump = jumps(halves)
@@ -153,6 +155,17 @@ def simulate(par: Device, halves: Vector, dt: float, resistance: Vector) -> Traj
     return Trajectory(*np.array(rows).T)
 
 
+def _single(halves: Vector) -> Vector:
+    """Halves as intervals of their own, without a jump (2 n, 2)."""
+    return np.asarray(halves.reshape(-1, 1).repeat(2, axis=1))
+
+
+def behind(filtered: Filtered, x: Vector) -> Vector:
+    """Half samples (2 n,) at the samples, behind a low-pass without its mean delay (n,)."""
+    by = weights(filtered.low_pass)
+    return np.convolve(np.pad(x, by.size // 2, mode="edge"), by, mode="valid")[1::2]
+
+
 def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
     """Whether the voltage jumps within each interval."""
     return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves))
@@ -160,7 +173,7 @@ def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
 
 def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
     """The model from the first operation of a record on."""
-    return simulate(par, experiment.halves, experiment.dt, experiment.resistance)
+    return simulate(par, experiment.halves, experiment.dt, experiment.resistance, experiment.filtered)
 
 
 def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experiment]) -> Matrix:
@@ -232,6 +245,13 @@ def simulate_currents(pars: Sequence[Device], experiment: Experiment) -> list[Ve
 
 def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Response]:
     """What is fitted of each model; one after the other in scalar Python, where numpy would be slower."""
+    if (found := experiment.filtered) is not None:
+        halves, R = _single(experiment.halves), experiment.resistance.repeat(2)
+        fine = experiment._replace(dt=0.5 * experiment.dt, halves=halves, resistance=R, filtered=None)
+        runs = simulate_batch(pars, fine._replace(current=experiment.current.repeat(2)))
+        return [
+            Response(behind(found, run.current), None if run.position is None else run.position[1::2]) for run in runs
+        ]
     kernel, with_position = kernel_of(pars[0]), experiment.position is not None
     count, changes = experiment.current.size, np.diff(experiment.resistance, prepend=np.nan) != 0.0
     recorded = plan_of(kernel, tuple(jumps(experiment.halves).tolist()), tuple(changes.tolist()), with_position)
@@ -347,19 +367,23 @@ class Prepared(NamedTuple):
 
 def prepare_all(records: Sequence[Record], period: float | None, convention: str = "") -> Prepared:
     """Records with the voltage between samples that is named, or else as they have it."""
-    read = [take_out_causes(record, convention) for record in records]
+    read = [take_out_causes(record, convention, is_sharp=True) for record in records]
     experiments, fluxes = zip(*(prepare(record, period) for record in read))
+    raw = [record._replace(filtered=one.filtered) for record, one in zip(records, read)]
     return Prepared(
-        records=read, experiments=[*experiments], fluxes=[*fluxes], raw=records, period=period, convention=convention
+        records=read, experiments=[*experiments], fluxes=[*fluxes], raw=raw, period=period, convention=convention
     )
 
 
-def take_out_causes(record: Record, convention: str = "") -> Record:
+def take_out_causes(record: Record, convention: str = "", is_sharp: bool = False) -> Record:
     """The record as the model is to explain it: with the voltage between its samples, and less what its driver takes.
 
-    To be used once: the samples of its voltage stay what was recorded.
+    To be used once: the samples of its voltage stay what was recorded; but edges behind a low-pass may be made sharp.
     """
     read = between(record, convention) if convention else record
+    if is_sharp and read.filtered:
+        samples, means = read.filtered.lacking(read.voltage.size)
+        read = read._replace(voltage=read.voltage + samples, halves=read.halves + means)
     if not record.drive:
         return read
     after = apply_causes(Signals(read.halves, read.current, read.dt, UNKNOWN), record.drive)

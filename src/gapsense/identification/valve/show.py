@@ -172,8 +172,9 @@ def validate_valve(par: Device, records: Sequence[Record], coefficient: Coeffici
 def validate(par: Device, record: Record) -> Validation:
     """The model, with its own resistance, beside a record that begins at rest."""
     first = starts(record)[0]
-    halves = take_out_causes(record).halves[first:]
-    model = simulate(par, halves, record.dt, np.full(len(halves), value_of(par, "coil_resistance")))
+    halves = take_out_causes(record, is_sharp=True).halves[first:]
+    R = np.full(len(halves), value_of(par, "coil_resistance"))
+    model = simulate(par, halves, record.dt, R, record.filtered)
     return compare(record, model, first)
 
 
@@ -277,6 +278,7 @@ def remarks(result: Identified) -> list[str]:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
+    said += [result.low_pass] if result.low_pass else []
     if result.places:
         said.append(
             f"The {len(result.places)} edges of the voltage lie differently between two samples: the place of each is"
