@@ -52,7 +52,7 @@ def test_sharp_edges_and_fast_ones_tell_no_filter():
 def test_filter_without_its_delay_keeps_a_straight_line(low_pass):
     by, t = weights(low_pass), np.arange(300.0)
     line, half = 3.0 + 0.2 * t, by.size // 2
-    assert np.convolve(line, by, mode="valid") == pytest.approx(line[half:-half], abs=1e-3)
+    assert np.convolve(line, by, mode="valid") == pytest.approx(line[half:-half], rel=1e-4)
 
 
 def test_halves_have_the_volt_seconds_of_the_recorded_voltage_and_of_its_sharp_edges():

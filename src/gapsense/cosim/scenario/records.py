@@ -61,7 +61,7 @@ class Component:
     offset: int = 0
     values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
     origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
-    sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)  # names in its parameter sets, see `taken`
+    sets: Mapping[Path, Mapping[str, Value]] = field(default_factory=dict)  # its parameter sets, see `taken`
     isolation: str = "none"  # or the instance is in a process of its own
 
 

@@ -198,7 +198,8 @@ def choose_timing(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, 
 def is_inside(name: str, firsts: Sequence[First]) -> bool:
     """Whether an edge lies in the first operation of its record."""
     _, record, sample = name.split(".")
-    return 0 < int(sample) - firsts[int(record)].start < firsts[int(record)].experiment.current.size
+    inside = firsts[int(record)].experiment
+    return 0 < int(sample) - inside.first < inside.current.size
 
 
 def last_taken(trials: Sequence[Trial]) -> Trial:

@@ -304,8 +304,7 @@ def _conclude(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, 
     form, ratios, experiments, prepared, causes = at
     par = replace_values(form.at(ratios), coil_resistance=pooled_resistance(experiments))
     models = [simulate_experiment(par, e) for e in experiments]
-    every = zip(prepared.records, models, prepared.fluxes)
-    left = [residual(record, m, flux.operations[0].start) for record, m, flux in every]
+    left = [residual(record, m, e.first) for record, m, e in zip(prepared.records, models, experiments)]
     return Identified(
         parameters=par,
         form=form,

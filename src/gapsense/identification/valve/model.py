@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.actuators.solenoid_valve import Parameters
-from gapsense.identification.causes import PLACE, Signals, apply_causes, edges, is_place, of_record
+from gapsense.identification.causes import BESIDE, PLACE, Signals, apply_causes, edges, is_place, of_record
 from gapsense.identification.least_squares import Matrix, finite
 from gapsense.identification.measurements.low_pass import Filtered, weights
 from gapsense.identification.measurements.operations import Flux, Operation, coil, estimate, operations, trapezoid
@@ -73,7 +73,7 @@ class Experiment(NamedTuple):
 def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Flux]:
     """Experiment of a record, and the resistances and the flux linkage that it rests on."""
     flux = estimate(record, operations(record, period))
-    first = flux.operations[0].start
+    first = max(flux.operations[0].start - BESIDE, 0)  # earlier, since its edge may lie so
     shifted = [Operation(o.start - first, o.stop - first, o.held) for o in flux.operations]
     signals = (record.halves - flux.warmed[:, None], flux.per_sample, record.current, flux.flux_linkage)
     halves, resistance, current, flux_linkage = (samples[first:] for samples in signals)
@@ -103,8 +103,8 @@ def part(experiment: Experiment, operation: Operation) -> Experiment:
 
 
 def first_operation(experiment: Experiment) -> Experiment:
-    """The first operation."""
-    return part(experiment, experiment.operations[0])
+    """The first operation, from where the experiment begins."""
+    return part(experiment, experiment.operations[0]._replace(start=0))
 
 
 def charge(experiment: Experiment) -> float:
