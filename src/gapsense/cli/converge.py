@@ -42,7 +42,7 @@ def converge(
     """Run a scenario with its base step halved again and again, and tell the error of each recorded signal.
 
     Sampled components keep their instants. Exit code 1 if an error is beyond the tolerance at the step that the
-    scenario has.
+    scenario has, or if no signal converges.
     """
     from gapsense.cosim.convergence import check_export
     from gapsense.cosim.coupling import measured_file

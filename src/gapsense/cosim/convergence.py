@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from gapsense._os.checked import sealed
 from gapsense._os.files import refuse_unwritable, write_atomically, write_json
-from gapsense.cosim.check import prepare, within
+from gapsense.cosim.check import check_size, memory, prepare, within
 from gapsense.cosim.coupling import is_sampled, measured_file, subject
 from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.result.compare import moved
@@ -112,8 +112,8 @@ class Convergence:
 
     @property
     def passed(self) -> bool:
-        """True if the error of every signal that converges is within the tolerance."""
-        return not self.beyond
+        """True if the error of every signal that converges is within the tolerance, and there are such signals."""
+        return bool(self.judged) and not self.beyond
 
     @property
     def step(self) -> float | None:
@@ -219,6 +219,8 @@ def converge(
     """
     read, descriptions = prepare(scenario, variant, fmus)
     refuse(read, runs, tolerance, keep, write)
+    if problems := [*check_size(watched(read), runs * len(recorded_signals(watched(read), descriptions)), memory())]:
+        raise ScenarioError([f"{read.path.name}, {problems[0]} All runs are kept: fewer `--runs` need less, too."])
     held = frozenset(n for n, c in read.components.items() if is_sampled(c, descriptions[n])) | {*keep}
     if held >= {*read.components}:
         told = "every component is sampled or kept: no exchange could be finer, and there is nothing to measure"
