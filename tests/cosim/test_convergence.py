@@ -123,7 +123,7 @@ def test_sampled_noise_is_the_same_at_every_step_and_other_noise_is_told(lags):
         told = free.signals[name]
         assert told.why.startswith("noise: `noise`") and (told.order, told.step) == (None, None)
     assert free.signals["first.y"].order == pytest.approx(1.0, abs=0.1)
-    kept = lags(more=NOISE.format(sample=0.0), keep=["noise"])
+    kept = lags(more=NOISE.format(sample=0.0), keep="noise")
     assert kept.signals["noise.y"].is_same
 
 

@@ -178,7 +178,7 @@ def converge(
     runs: int = RUNS,
     budget: float = math.inf,
     tolerance: float = TOLERANCE,
-    keep: Collection[str] = (),
+    keep: str | Collection[str] = (),
     write: bool = False,
     isolation: str | None = None,
     progress: Progress | None = None,
@@ -195,7 +195,7 @@ def converge(
         Wall time [s]: no run begins that would probably end later. The first 4 always run.
     tolerance : float
         Largest error that is allowed, as a share of the range of a signal.
-    keep : collection of str
+    keep : str or collection of str
         Components that keep their instants beside those that have a `sample_time`.
     write : bool
         Write what was measured beside the scenario, so that `check` and reports no longer remind of it.
@@ -217,6 +217,7 @@ def converge(
     FmuError
         A component fails, also with a step that is shorter than that of the scenario.
     """
+    keep = (keep,) if isinstance(keep, str) else keep
     read, descriptions = prepare(scenario, variant, fmus)
     refuse(read, runs, tolerance, keep, write)
     if problems := [*check_size(watched(read), runs * len(recorded_signals(watched(read), descriptions)), memory())]:
