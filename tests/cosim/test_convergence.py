@@ -245,8 +245,11 @@ def test_sampled_component_on_the_way_is_no_coupling(write, fmus):
     read, descriptions = cosim.prepare(write(pair()), fmus=fmus)
     assert len(list(both_ways(read, descriptions))) == 1
     assert list(both_ways(read, {**descriptions, "first": sampled_like(descriptions["first"])})) == []
-    parallel = replace(read, experiment=replace(read.experiment, method="jacobi"))
+    parallel, solved = (replace(read, experiment=replace(read.experiment, method=m)) for m in ("jacobi", "iterative"))
     assert len(list(both_ways(parallel, descriptions))) == 1
+    assert list(both_ways(solved, descriptions)) == []  # where values of one step agree, nothing is late
+    late = replace(solved, connections=tuple(replace(c, delayed=True) for c in solved.connections))
+    assert len(list(both_ways(late, descriptions))) == 1
 
 
 def sampled_like(description):

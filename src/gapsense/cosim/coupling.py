@@ -15,8 +15,6 @@ from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.records import Component, Scenario, execution_order, reached
 from gapsense.tables import is_number
 
-EXPLICIT = ("gauss-seidel", "jacobi")  # methods that delay where components drive each other
-
 
 def sample_time(component: Component, description: Description) -> float:
     """The sample time of a component [s]; 0 for one that has none."""
@@ -35,15 +33,14 @@ def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
 
     A sampled component on the way has its delay on purpose, so that it is none of the coupling.
     """
-    if scenario.experiment.method not in EXPLICIT:
-        return
     free = {n for n, c in scenario.components.items() if n in descriptions and not is_sampled(c, descriptions[n])}
     wires = [c for c in scenario.connections if {c.source.component, c.target.component} <= free]
     wires = [c for c in wires if c.source.component != c.target.component]
     loops = [c for c in wires if c.source.component in reached(c.target.component, wires)]
-    if loops and scenario.experiment.method == "gauss-seidel":
-        delayed = execution_order([*scenario.components], scenario.connections, descriptions).delayed
-        loops = [c for c in loops if c in delayed]
+    if loops and scenario.experiment.method != "jacobi":  # in which every connection is delayed
+        is_explicit = scenario.experiment.method == "gauss-seidel"
+        order = execution_order([*scenario.components], scenario.connections, descriptions) if is_explicit else None
+        loops = [c for c in loops if (c in order.delayed if order else c.delayed)]
     if loops and not is_measured(scenario, descriptions):
         first = loops[0]
         yield (
