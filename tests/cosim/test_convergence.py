@@ -165,6 +165,17 @@ def test_what_follows_a_signal_that_switches_is_told_so(write, fmus):
     assert found.signals["first.y"].order == pytest.approx(1.0, abs=0.1)
 
 
+def test_scenario_of_a_program_tells_its_error_too_and_every_signal_is_told_once(fmus):
+    s = gapsense.Scenario("lags", stop=2.0, base_step=0.01)
+    s.add("one", str(fmus / "Lag.fmu"), u=1.0).add("two", str(fmus / "Lag.fmu")).connect("one.y", "two.u")
+    s.add("still", str(fmus / "Source.fmu")).record("*.y", "*.u")
+    found = s.converge(runs=4)
+    assert found.signals["one.y"].order == pytest.approx(1.0, abs=0.1)
+    assert found.signals["still.y"].is_same
+    told = str(found)
+    assert [told.count(name) for name in found.signals] == [1] * len(found.signals)
+
+
 def test_order_is_believed_only_if_two_ratios_agree():
     assert observed([8.0, 4.0, 2.0, 1.0], 1e-9) == pytest.approx(1.0)
     assert observed([9.0, 16.0, 4.0, 1.0], 1e-9) == pytest.approx(2.0)

@@ -40,12 +40,12 @@ def shown(found: Convergence) -> list[Table | str]:
 def sentences(found: Convergence) -> Iterator[str]:
     """What follows from the tables."""
     judged, allowed = found.judged, percent(found.tolerance)
-    same = [t.signal for t in judged if t.is_same and not t.at_edges]
+    moved = [t for t in judged if t.at_edges > max(t.error, found.tolerance * t.range)]
+    same = [t.signal for t in found.signals.values() if t in judged and t.is_same and t not in moved]
     if same:
         yield f"The same at every step: {listing(same)}."
     if found.held:
         yield f"Sampled, at the same instants in every run: {listing(found.held)}."
-    moved = [t for t in judged if t.at_edges > max(t.error, found.tolerance * t.range)]
     if moved:
         more = ", ".join(f"`{t.signal}` {quantity(t.at_edges, t.unit)}" for t in moved)
         yield f"Next to edges, which come up to a row earlier or later, differ: {more}."
