@@ -15,8 +15,8 @@ from gapsense import cosim
 from gapsense.cli import app
 from gapsense.cli import converge as cli
 from gapsense.cosim import convergence
-from gapsense.cosim.convergence import excused, greatest, longest, observed, quantum
 from gapsense.cosim.coupling import both_ways
+from gapsense.cosim.result.tendency import excused, greatest, longest, observed, quantum
 from gapsense.problems import FmuError, ScenarioError
 
 PAIR = """
