@@ -30,7 +30,7 @@ FEW = 3  # samples; an activity that is shorter is a spike
 DRIFT = 0.01  # of the largest current: a level at rest that moves by less is steady
 WHITE = 0.7  # of the root mean square of a signal: with more of it in its second differences, it is noise
 MANY = 20  # samples at rest whose mean tells its level
-WARMER = 5e-3  # relative growth of the resistance that tells a coil that gets warm
+EDGES = 2.0  # samples of the largest voltage by which two operations may differ without a resistance that grows
 HELD, STEADY = 4, 2e-3  # last part of a closing, as 1 over it, in which means change by less, relative to the range
 
 
@@ -213,16 +213,20 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
     per_sample[: found[0].start + 1] = resistances[0]
     for operation, R in zip(found, resistances):
         per_sample[operation.inside] = R
-    more = warmed(means, found, resistances)
+    volts = min(float(np.abs(applied[o.inside]).sum()) for o in found)
+    more = warmed(means, found, resistances, EDGES * float(np.abs(applied).max()) / volts if volts else np.inf)
     rates = applied - per_sample * means - more
     rates[: found[0].start + 1] = 0.0
     return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates), more)
 
 
-def warmed(means: Vector, found: list[Operation], R: Vector) -> Vector:
-    """What the resistance takes more, first less, within each operation, if it grows from each to the next [V]."""
+def warmed(means: Vector, found: list[Operation], R: Vector, least: float) -> Vector:
+    """What the resistance takes more, first less, within each operation, if it grows from each to the next [V].
+
+    In all by `least` of it, since places of edges change it, too.
+    """
     more = np.zeros(means.size)
-    if len(found) < 2 or R[-1] < (1.0 + WARMER) * R[0] or np.any(np.diff(R) <= 0.0):
+    if len(found) < 2 or R[-1] < (1.0 + least) * R[0] or np.any(np.diff(R) <= 0.0):
         return more
     places = [np.arange(o.start + 1.0, o.stop + 1.0) for o in found]
     middles = [float(np.average(at, weights=means[o.inside])) for at, o in zip(places, found)]

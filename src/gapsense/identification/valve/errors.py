@@ -301,7 +301,7 @@ def _correlate(W: Matrix, length: float) -> Matrix:
     return np.asarray(before + before.T - W @ W.T)
 
 
-WITHIN = 0.5  # of the change of the resistance between operations: how well what it does within one is known
+WITHIN = 0.5  # of the growth of the resistance from operation to operation: how well that within one is known
 STEPPED = 0.015  # delay that the steps of the model make, of a sample
 
 
@@ -409,11 +409,12 @@ def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[
     signals = {"offset": "current", "shift": "voltage"}
     rest = [remaining(record) for record in prepared.records]
     errors = {cause: rms(np.array([found.get(name, 0.0) for found in rest])) for cause, name in signals.items()}
-    changes = [np.diff(np.log(flux.resistances)) for flux in prepared.fluxes]
+    known = [WITHIN if flux.warmed.any() else 1.0 for flux in prepared.fluxes]
+    changes = [by * np.diff(np.log(flux.resistances)) for by, flux in zip(known, prepared.fluxes)]
     drops = {
         "tail": abs(prepared.drive.get("drop", 0.0)) / sum(len(flux.operations) for flux in prepared.fluxes) ** 0.5
     }
-    drift = {"drift": WITHIN * rms(x) if (x := np.concatenate(changes)).size else 0.0}
+    drift = {"drift": rms(x) if (x := np.concatenate(changes)).size else 0.0}
     return Doubts(misfits, errors | drift | drops | {**accuracy})
 
 
