@@ -7,6 +7,7 @@ import pytest
 from imperfect_records import Condition, record
 from valve_records import GUESS
 
+from gapsense.identification.causes import BESIDE
 from gapsense.identification.coil.fit import fit_coil
 from gapsense.identification.measurements.checks import operation_problems
 from gapsense.identification.measurements.operations import Operation, estimate, operations
@@ -48,7 +49,7 @@ def test_record_that_ends_while_the_coil_is_held_again_is_used_to_its_end():
     cut = part(whole, slice(0, 30 + round(36.5e-3 / whole.dt)))
     assert [o.held for o in operations(cut)] == [0, 0] and not [*operation_problems(cut, "x.csv", None)]
     result = fit_valve([cut], VALVE, 1, sought=Sought(()))
-    assert result.is_explained and result.models[0].current.size == cut.times.size - operations(cut)[0].start
+    assert result.is_explained and result.models[0].current.size == cut.times.size - operations(cut)[0].start + BESIDE
 
 
 def test_coil_without_motion_that_is_held_is_a_coil():

@@ -182,8 +182,8 @@ def test_resistance_that_no_coil_of_copper_has_is_told():
 
 def test_hum_is_told_by_its_frequency():
     measured = record(seed=1, periods=3)
-    experiment, flux = prepare(measured)
-    model, first = simulate_experiment(VALVE, experiment), flux.operations[0].start
+    experiment, _ = prepare(measured)
+    model, first = simulate_experiment(VALVE, experiment), experiment.first
     hum = 3e-3 * np.sin(2.0 * np.pi * 50.0 * measured.times)
     found = residual(measured._replace(current=measured.current + hum), model, first)
     assert "goes with 50 Hz: the usual cause is hum of the mains" in verdict(found, "2 mA", "1 mA")

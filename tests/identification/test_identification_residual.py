@@ -16,11 +16,11 @@ from gapsense.studies.devices import VALVE
 
 def left(measured, current):
     """The residual of a record, measured as `current`, with the model that made it."""
-    experiment, flux = prepare(measured)
+    experiment, _ = prepare(measured)
     model = simulate_experiment(
         VALVE, experiment._replace(resistance=np.full(experiment.current.size, VALVE.coil_resistance))
     )
-    first = flux.operations[0].start
+    first = experiment.first
     return residual(measured._replace(current=current(measured, model, first)), model, first)
 
 

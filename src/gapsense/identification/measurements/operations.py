@@ -30,7 +30,7 @@ FEW = 3  # samples; an activity that is shorter is a spike
 DRIFT = 0.01  # of the largest current: a level at rest that moves by less is steady
 WHITE = 0.7  # of the root mean square of a signal: with more of it in its second differences, it is noise
 MANY = 20  # samples at rest whose mean tells its level
-EDGES = 2.0  # samples of the largest voltage by which two operations may differ without a resistance that grows
+EDGES = 3.0  # samples of the largest voltage by which two operations may differ without a resistance that grows
 HELD, STEADY = 4, 2e-3  # last part of a closing, as 1 over it, in which means change by less, relative to the range
 
 

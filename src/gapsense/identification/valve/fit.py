@@ -102,6 +102,7 @@ def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: D
     fit.course.begins("readings")
     if method.conventions:
         readings = [prepare_all(prepared.raw, prepared.period, name) for name in method.conventions]
+        readings = [reading for reading in readings if reading.records[0].filtered] or readings  # edges tell that one
         best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
         prepared = readings[best]
     if prepared.records[0].filtered and not drive.is_timed:  # whose mean delay is not known to the last microsecond

@@ -87,6 +87,7 @@ def prepare(record: Record, period: float | None = None) -> tuple[Experiment, Fl
         first=first,
         filtered=record.filtered,
     )
+    made = with_resistance(made, resistance)  # with the flux linkage of its first samples
     if record.position is None or record.position_noise is None:
         return made, flux
     i = record.current  # the position is as certain as the current, each by its noise
