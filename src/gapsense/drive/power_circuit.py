@@ -220,7 +220,8 @@ def _micro_step(
         end = end._replace(magnetizing=where(is_blocked, settled + fallen, end.magnetizing))
         return end, sums._replace(linkage=where(is_blocked, linkage, sums.linkage)), flow(end)
 
-    length = least(left, _next(net, command, gates, _need(net, coil, path)))
+    length = _next(net, command, gates, _need(net, coil, path))
+    length = where(left < length + TICK, left, length)
     end, sums, then = after(length)
 
     def shorter() -> tuple[Scalar, Stores, Sums, Flow]:

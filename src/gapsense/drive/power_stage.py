@@ -28,11 +28,14 @@ from gapsense.drive.power_circuit import (
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import clip, cond, flag, not_, where
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, not_, sqrt, square, where
 
 LEAST_CONDUCTANCE = 1e-9  # beside the coil: it blocks no current that matters, and needs no case of its own [S]
-SWING = 0.1  # change of the voltage, in voltages of the supply, from which on the inductance is learnt
-SPREAD = 2.0  # by which factor it may change in a step
+WANDER = 0.2  # share by which a is taken to change in a step
+DRIFT = 0.03  # change of F in a step, in that which the supply would give
+KEPT = 0.8  # of F, from one step to the next
+STEADY = 0.1  # change of the voltage, in that of the supply, up to which a trend goes on
+SPREAD = 4.0  # by which factor a may change in a step
 
 
 @ports()
@@ -68,11 +71,23 @@ class Parameters(NamedTuple):
     boost_current: Scalar = parameter("A", "With which it is charged", 0.5, min=0.0)
     boost_efficiency: Scalar = parameter("1", "Of its converter", 0.85, min=0.01, max=1.0)
     coil_resistance: Scalar = parameter("Ohm", "Resistance R of the coil", 48.0, min=1e-9)
-    coil_inductance: Scalar = fixed("H", "Inductance before any is learnt", 0.1, min=1e-9)
+    coil_inductance: Scalar = fixed("H", "The largest that it has; it starts with it", 0.1, min=1e-9)
     coil_conductance: Scalar = parameter(
         "S", "Eddy currents, seen from the coil: k_eddy / N^2 of ReluctanceActuator", 0.0, min=0.0
     )
     micro_step: Scalar = fixed("s", "Longest step of the integrator", 10e-6, min=1e-7, name="micro_step")
+
+
+class Learnt(NamedTuple):
+    """Of the coil, and how uncertain it is: a covariance."""
+
+    inverse: Scalar  # a [1/H]
+    drift: Scalar  # F [A/s]
+    P_a: Scalar
+    P_both: Scalar
+    P_F: Scalar
+    trend: Scalar  # by which the rate of m is taken to change from one step to the next [A/s]
+    inner: Scalar  # v of the last step [V]
 
 
 class State(NamedTuple):
@@ -86,9 +101,9 @@ class State(NamedTuple):
     step: Scalar  # its length [s]
     held: Scalar  # voltage that it gave [V]
     began: Scalar  # m of the coil at its start, measured [A]
-    inverse: Scalar  # a, learnt [1/H]
-    drift: Scalar  # F, learnt [A/s]
-    inner: Scalar  # u / (1 + R G), of which the drift was learnt [V]
+    inside: Scalar  # whether a switch switched within it
+    steady: Scalar  # whether one path conducted all the time
+    learnt: Learnt
 
 
 @ports()
@@ -128,15 +143,16 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """All switches off, capacitors charged, no current from the supply."""
-    net, coil = net_of(par), _coil(par, 1.0 / par.coil_inductance, 0.0)
+    a = 1.0 / par.coil_inductance
+    net, learnt = net_of(par), Learnt(a, 0.0, a * a, 0.0, 0.0, 0.0, 0.0)
+    coil = _coil(par, learnt)
     gates = Gates(a=0.0, b=0.0, live=0.0, boosting=0.0, age_a=1.0, age_b=1.0, clock=0.0, since=0.0)
     m = inputs.coil_current * (1.0 + coil.resistance * coil.conductance)
     stores = Stores(magnetizing=m, supply=0.0, link=par.supply_voltage, boost=par.boost_voltage)
     sums = Sums(linkage=0.0, supplied=0.0, delivered=0.0, dissipated=0.0)
     at = Circuit(stores, gates, sums, current=inputs.coil_current, voltage=0.0, path=0.0)
-    state = State(at, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, m, coil.inverse, 0.0, 0.0)
-    _, outputs = _given(net, coil, state, at, m, inputs._replace(dt=0.0))
-    return state, outputs
+    state, outputs = _given(net, coil, learnt, at, m, inputs._replace(dt=0.0))
+    return state._replace(held=0.0), outputs
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -145,16 +161,20 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     G, R = par.coil_conductance, par.coil_resistance
     m = inputs.coil_current * (1.0 + R * G) - G * state.held  # (2)
 
-    def known() -> tuple[Coil, Circuit]:
-        coil = _learnt(state, m, par)
+    def known() -> tuple[Learnt, Circuit]:
+        learnt, is_inside = _learn(state, m, par), is_set(state.inside)
         command = Command(state.gate, state.gate_low, state.reference, state.enable)
-        return coil, advanced(net, coil, command, state.at, state.step)
+        before, after = _foreseen(par, state.learnt), _coil(par, learnt)
+        coil = Coil(*(where(is_inside, x, y) for x, y in zip(before, after)))
+        at = advanced(net, coil, command, state.at, state.step)
+        reached = where(is_inside, m, at.stores.magnetizing)
+        return learnt, at._replace(stores=at.stores._replace(magnetizing=reached))
 
-    coil, at = cond(state.step > 0.0, known, lambda: (_coil(par, state.inverse, state.drift), state.at))
-    return _given(net, coil, state, at, m, inputs)
+    learnt, at = cond(state.step > 0.0, known, lambda: (state.learnt, state.at))
+    return _given(net, _foreseen(par, learnt), learnt, at, m, inputs)
 
 
-def _given(net: Net, coil: Coil, state: State, at: Circuit, m: Scalar, inputs: Inputs) -> tuple[State, Outputs]:
+def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs: Inputs) -> tuple[State, Outputs]:
     """What the stage gives in the step that begins, where the coil has `m` and should have that of `at`."""
     dt = inputs.dt
     command = Command(inputs.gate, inputs.gate_low, inputs.reference, inputs.enable)
@@ -178,10 +198,9 @@ def _given(net: Net, coil: Coil, state: State, at: Circuit, m: Scalar, inputs: I
         dissipated_energy=then.sums.dissipated,
         stored_energy=power_circuit.stored(net, then.stores),
     )
-    after = State(
-        at, *command, dt, held, m, coil.inverse, coil.drift, state.held / (1.0 + coil.resistance * coil.conductance)
-    )
-    return after, outputs
+    is_inside = then.gates.age_a < dt - power_circuit.TICK
+    is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
+    return State(at, *command, dt, held, m, flag(is_inside), flag(is_steady), learnt), outputs
 
 
 def _drive(coil: Coil, start: Scalar, end: Scalar, dt: Scalar) -> Scalar:
@@ -192,24 +211,39 @@ def _drive(coil: Coil, start: Scalar, end: Scalar, dt: Scalar) -> Scalar:
     return (end - start * (1.0 - x * held)) / (where(dt > 0.0, dt, 1.0) * held)
 
 
-def _learnt(state: State, m: Scalar, par: Parameters) -> Coil:
-    """The coil that did what was measured in the last step, (5).
+def _learn(state: State, m: Scalar, par: Parameters) -> Learnt:
+    """The coil that did in the last step what was measured, by a Kalman filter of a and F that trusts it, (5).
 
-    What a changed voltage does that was not foreseen tells the inductance, as far as the voltage changed; what is left
-    tells its own voltage.
+    At a voltage that stays, what was not foreseen counts for the inductance as far as the voltage is high; where the
+    voltage changes, its covariance tells a and F apart.
     """
-    before = _coil(par, state.inverse, state.drift)
-    inner = state.held / (1.0 + before.resistance * before.conductance)
-    change, swing = inner - state.inner, SWING * par.supply_voltage
+    before, learnt = _coil(par, state.learnt), state.learnt
+    share = 1.0 / (1.0 + before.resistance * before.conductance)
+    inner = share * state.held
+    v = inner - share * before.resistance * 0.5 * (state.began + m)
+    P_a = (1.0 - WANDER * WANDER) * learnt.P_a + square(WANDER * learnt.inverse)
+    P_both = sqrt(1.0 - WANDER * WANDER) * KEPT * learnt.P_both
+    P_F = KEPT * KEPT * learnt.P_F + square(DRIFT * par.supply_voltage * learnt.inverse)
+    S_a, S_F = P_a * v + P_both, P_both * v + P_F
+    S = S_a * v + S_F
     unforeseen = _drive(before, state.began, m, state.step) - before.inverse * inner - before.drift
-    inverse = before.inverse + unforeseen * change / (change * change + swing * swing)
+    inverse = before.inverse + S_a / S * (unforeseen + (1.0 - KEPT) * before.drift)
     inverse = clip(inverse, before.inverse / SPREAD, before.inverse * SPREAD)
+    inverse = where(inverse * par.coil_inductance > 1.0, inverse, 1.0 / par.coil_inductance)
     after = before._replace(inverse=inverse)
-    return after._replace(drift=_drive(after, state.began, m, state.step) - inverse * inner)
+    drift = _drive(after, state.began, m, state.step) - inverse * inner
+    is_steady = is_set(state.steady) & (fabs(v - learnt.inner) < STEADY * par.supply_voltage)
+    trend = where(is_steady, unforeseen, 0.0)
+    return Learnt(inverse, drift, P_a - S_a * S_a / S, P_both - S_a * S_F / S, P_F - S_F * S_F / S, trend, v)
 
 
-def _coil(par: Parameters, inverse: Scalar, drift: Scalar) -> Coil:
-    return Coil(par.coil_resistance, par.coil_conductance + LEAST_CONDUCTANCE, inverse, drift)
+def _coil(par: Parameters, learnt: Learnt) -> Coil:
+    return Coil(par.coil_resistance, par.coil_conductance + LEAST_CONDUCTANCE, learnt.inverse, learnt.drift)
+
+
+def _foreseen(par: Parameters, learnt: Learnt) -> Coil:
+    """The coil of the next step."""
+    return _coil(par, learnt._replace(drift=learnt.drift + learnt.trend))
 
 
 def net_of(par: Parameters) -> Net:
