@@ -120,12 +120,12 @@ class Stores(NamedTuple):
 
 
 class Sums(NamedTuple):
-    """Integrals since the start [V s, J]."""
+    """Energies since the start [J]."""
 
-    linkage: Scalar  # of the coil's voltage
     supplied: Scalar
     delivered: Scalar
     dissipated: Scalar
+    cabled: Scalar  # into the inductance of the cable
 
 
 class Gates(NamedTuple):
@@ -177,10 +177,11 @@ def levels(net: Net, gates: Gates) -> tuple[Scalar, Scalar]:
     return upper, lower
 
 
-def stored(net: Net, y: Stores) -> Scalar:
+def stored(net: Net, at: Circuit) -> Scalar:
     """Energy in coils and capacitors of the stage [J]."""
-    magnetic = net.inductance * square(y.supply) + net.cable_inductance * square(y.magnetizing)
-    return 0.5 * (magnetic + net.capacitance * square(y.link) + net.boost_capacitance * square(y.boost))
+    y = at.stores
+    capacitors = net.capacitance * square(y.link) + net.boost_capacitance * square(y.boost)
+    return 0.5 * (net.inductance * square(y.supply) + capacitors) + at.sums.cabled
 
 
 def _micro_step(
@@ -216,9 +217,8 @@ def _micro_step(
         end, sums = rk4(rates, y, length)
         settled, decay = coil.drift * coil.conductance / coil.inverse, coil.conductance / coil.inverse
         fallen = (y.magnetizing - settled) * exp(clip(-length / decay, -700.0, 0.0))
-        linkage = -(settled * length + (y.magnetizing - settled - fallen) * decay) / coil.conductance
         end = end._replace(magnetizing=where(is_blocked, settled + fallen, end.magnetizing))
-        return end, sums._replace(linkage=where(is_blocked, linkage, sums.linkage)), flow(end)
+        return end, sums, flow(end)
 
     length = _next(net, command, gates, _need(net, coil, path))
     length = where(left < length + TICK, left, length)
@@ -372,8 +372,7 @@ def _rates(net: Net, coil: Coil, path: Path, is_blocked: Scalar, flow: Flow, y: 
     )
     heat = net.resistance * square(y.supply) + net.esr * square(through) + (link * draw - y.boost * charge)
     heat = heat + (path.resistance + net.cable_resistance) * square(i) - path.offset * i
-    heat = heat + net.cable_inductance * rate * (i - y.magnetizing)  # where the current jumps
-    return stores, Sums(flow.voltage, net.source * y.supply, flow.voltage * i, heat)
+    return stores, Sums(net.source * y.supply, flow.voltage * i, heat, net.cable_inductance * rate * i)
 
 
 def _need(net: Net, coil: Coil, path: Path) -> Scalar:

@@ -149,7 +149,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     gates = Gates(a=0.0, b=0.0, live=0.0, boosting=0.0, age_a=1.0, age_b=1.0, clock=0.0, since=0.0)
     m = inputs.coil_current * (1.0 + coil.resistance * coil.conductance)
     stores = Stores(magnetizing=m, supply=0.0, link=par.supply_voltage, boost=par.boost_voltage)
-    sums = Sums(linkage=0.0, supplied=0.0, delivered=0.0, dissipated=0.0)
+    sums = Sums(supplied=0.0, delivered=0.0, dissipated=0.0, cabled=0.0)
     at = Circuit(stores, gates, sums, current=inputs.coil_current, voltage=0.0, path=0.0)
     state, outputs = _given(net, coil, learnt, at, m, inputs._replace(dt=0.0))
     return state._replace(held=0.0), outputs
@@ -196,7 +196,7 @@ def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs:
         supplied_energy=then.sums.supplied,
         delivered_energy=then.sums.delivered,
         dissipated_energy=then.sums.dissipated,
-        stored_energy=power_circuit.stored(net, then.stores),
+        stored_energy=power_circuit.stored(net, then),
     )
     is_inside = then.gates.age_a < dt - power_circuit.TICK
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
