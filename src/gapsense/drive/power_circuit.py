@@ -16,14 +16,14 @@ from functools import partial
 from typing import NamedTuple
 
 from gapsense.kernels.elementary import exp
-from gapsense.kernels.integrate import crossing, least, rk4
+from gapsense.kernels.integrate import crossing, least, next_part, rk4
 from gapsense.kernels.layout import Choice, Scalar, flat, record
 from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where
 
 MICRO_STEPS = 100_000  # at most, per communication step
 FINENESS = 0.25  # micro-step at most, in time constants
 REFINEMENT = 1024.0  # a micro-step is shortened at most so many times for that
-TICK = 1e-12  # by which a timer may run out early [s]
+CLOSE, TICK = 1.0 - 2e-7, 1e-12  # share and time [s] by which a timer may run out early, for single precision
 NEVER = 1e9  # [s]
 FULL = 0.01  # share of its voltage from which on the boost capacitor is charged more slowly
 
@@ -171,7 +171,7 @@ def levels(net: Net, gates: Gates) -> tuple[Scalar, Scalar]:
     """Of each leg: 1 if its upper switch is on, -1 if the lower one is, 0 if none is."""
     a, b, is_full = is_set(gates.a), is_set(gates.b), net.topology == Topology.full_bridge
     is_low_side, live = net.topology <= Topology.low_side_resistor, is_set(gates.live)
-    ready_a, ready_b = (live & _is_over(age, net.dead_time) for age in (gates.age_a, gates.age_b))
+    ready_a, ready_b = (live & is_over(age, net.dead_time) for age in (gates.age_a, gates.age_b))
     upper = where(is_full, where(ready_a, where(a, 1.0, -1.0), 0.0), flag(a & not_(is_low_side)))
     lower = where(is_full, where(ready_b, where(b, -1.0, 1.0), 0.0), -where(is_low_side, gates.a, gates.b))
     return upper, lower
@@ -197,7 +197,7 @@ def _micro_step(
     is_blocked = not_(is_ahead) & not_(back.current < 0.0)
     path = record(Path, (where(is_ahead, a, b) for a, b in zip(*paths)))
     level = _level(net, command, gates)
-    is_watched = _is_regulated(net) & is_set(gates.live) & _is_over(gates.age_a, net.minimum)
+    is_watched = _is_regulated(net) & is_set(gates.live) & is_over(gates.age_a, net.minimum)
 
     def flow(y: Stores) -> Flow:
         found = _flow(net, coil, path, y)
@@ -220,8 +220,7 @@ def _micro_step(
         end = end._replace(magnetizing=where(is_blocked, settled + fallen, end.magnetizing))
         return end, sums, flow(end)
 
-    length = _next(net, command, gates, _need(net, coil, path))
-    length = where(left < length + TICK, left, length)
+    length = next_part(left, _next(net, command, gates, _need(net, coil, path)))
     end, sums, then = after(length)
 
     def shorter() -> tuple[Scalar, Stores, Sums, Flow]:
@@ -247,7 +246,7 @@ def _micro_step(
 def _switched(net: Net, command: Command, at: Circuit) -> Gates:
     """Switches as comparators, carrier and inputs want them now."""
     gates, i = at.gates, at.current
-    was_on, is_timed = is_set(gates.a), _is_over(gates.age_a, net.minimum)
+    was_on, is_timed = is_set(gates.a), is_over(gates.age_a, net.minimum)
     is_regulated, is_following = _is_regulated(net), net.law == Law.current
     wanted = where(is_following, command.reference > 0.0, command.gate > 0.5)
     live = (command.enable > 0.5) & (not_(is_regulated) | wanted)
@@ -256,7 +255,7 @@ def _switched(net: Net, command: Command, at: Circuit) -> Gates:
     level = _level(net, command, gates._replace(since=since))
     is_below = where(net.is_restarted, (gates.clock <= 0.0) & (i < level), i <= level - net.band)
     regulated = is_new | (was_on & not_(is_timed & (i >= level))) | (not_(was_on) & is_timed & is_below)
-    is_pulse = gates.clock < fabs(_duty(command)) * net.period - TICK
+    is_pulse = not_(is_over(gates.clock, fabs(_duty(command)) * net.period))
     is_pwm, is_forward = net.law == Law.pwm, command.reference >= 0.0
     plain = where(is_pwm, is_forward & is_pulse, command.gate > 0.5)
     a = live & where(is_regulated, regulated, plain | (was_on & not_(is_timed)))
@@ -279,8 +278,9 @@ def _is_regulated(net: Net) -> Scalar:
     return net.law >= Law.current
 
 
-def _is_over(age: Scalar, limit: Scalar) -> Scalar:
-    return age > limit - TICK
+def is_over(age: Scalar, limit: Scalar) -> Scalar:
+    """Whether a timer has run out."""
+    return age > CLOSE * limit - TICK
 
 
 def _duty(command: Command) -> Scalar:
@@ -289,7 +289,7 @@ def _duty(command: Command) -> Scalar:
 
 def _level(net: Net, command: Command, gates: Gates) -> Scalar:
     """Upper threshold of the regulated current [A]."""
-    planned = where(_is_over(gates.since, net.peak_duration), net.hold, net.peak)
+    planned = where(is_over(gates.since, net.peak_duration), net.hold, net.peak)
     return where(net.law == Law.current, command.reference, planned)
 
 
@@ -297,7 +297,7 @@ def _next(net: Net, command: Command, gates: Gates, need: Scalar) -> Scalar:
     """Longest micro-step: up to the next edge or timer, and fine enough [s]."""
 
     def rest(age: Scalar, limit: Scalar) -> Scalar:
-        return where(_is_over(age, limit), NEVER, limit - age)
+        return where(is_over(age, limit), NEVER, limit - age)
 
     fine, finest = FINENESS / need, net.micro_step / REFINEMENT
     length = least(net.micro_step, where(fine < finest, finest, fine))
@@ -315,7 +315,7 @@ def _later(net: Net, gates: Gates, length: Scalar) -> Gates:
     return gates._replace(
         age_a=gates.age_a + length,
         age_b=gates.age_b + length,
-        clock=where(_is_over(clock, net.period), 0.0, clock),
+        clock=where(is_over(clock, net.period), 0.0, clock),
         since=gates.since + length,
     )
 

@@ -198,7 +198,7 @@ def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs:
         dissipated_energy=then.sums.dissipated,
         stored_energy=power_circuit.stored(net, then),
     )
-    is_inside = then.gates.age_a < dt - power_circuit.TICK
+    is_inside = not_(power_circuit.is_over(then.gates.age_a, dt))
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
     return State(at, *command, dt, held, m, flag(is_inside), flag(is_steady), learnt), outputs
 
