@@ -44,6 +44,16 @@ def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session", params=[2, 3])
+def coupled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the FMUs Node, Mass and Spring, written in C, of FMI 2.0 and of FMI 3.0."""
+    if shutil.which("gcc") is None or (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("gcc on Linux on x86-64 compiles the FMUs")
+    from coupled import coupled_fmus
+
+    return coupled_fmus.build(tmp_path_factory.mktemp("coupled"), request.param)
+
+
 @pytest.fixture
 def write(tmp_path: Path) -> Callable[..., Path]:
     """Writer of a scenario file into a folder of its own; further files by name."""

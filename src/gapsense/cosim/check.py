@@ -386,12 +386,20 @@ class Checker:
                     yield f"components.{name}: nothing drives `{port}`. Connect it or list it in `[inputs]`{start}."
 
     def loops(self) -> Iterator[str]:
-        """No loop of direct feedthrough."""
+        """No loop of direct feedthrough, or one of components that can repeat their steps."""
         known = [c for c in self.scenario.connections if self.variable(c.source) and self.variable(c.target)]
         try:
-            execution_order([n for n in self.scenario.components if n in self.descriptions], known, self.descriptions)
+            names = [name for name in self.scenario.components if name in self.descriptions]
+            order = execution_order(names, known, self.descriptions, self.scenario.experiment.method)
         except FeedthroughCycleError as error:
             yield f"connections: {error}"
+            return
+        for name in (name for loop in order.loops for name in loop if not self.descriptions[name].can_return):
+            yield (
+                f"components.{name}.fmu: `{self.descriptions[name].path.name}` cannot save its state "
+                "(canGetAndSetFMUstate), and it is in a loop, which `iterative` repeats from saved states. Export it "
+                "with that, or take it out of the loop with `delayed = true` in `[[connections]]`."
+            )
 
 
 # Signals that inputs follow against the variables of these inputs and the time of the run.

@@ -52,6 +52,21 @@ class Timing:
 
 
 @dataclass(frozen=True)
+class Iterations:
+    """How often a loop was evaluated to solve it, in how many steps."""
+
+    steps: int
+    evaluations: int
+    most: int  # of them in one step
+    at: float  # end of that step [s]
+
+    @property
+    def mean(self) -> float:
+        """Evaluations per step."""
+        return self.evaluations / self.steps
+
+
+@dataclass(frozen=True)
 class Run:
     """What was run and how: enough to repeat it, and to tell it from another."""
 
@@ -77,6 +92,7 @@ class Run:
     direct: tuple[str, ...] = ()  # connections to inputs with direct feedthrough
     remarks: tuple[str, ...] = ()  # on what falls between its steps
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
+    loops: Mapping[str, Iterations] = field(default_factory=dict)  # by the components that repeat steps together
 
 
 @dataclass(frozen=True, repr=False)
@@ -222,6 +238,7 @@ def read_result(path: str | Path) -> Result:
     units = {**TIME, **{name: signal["unit"] for name, signal in data["signals"].items()}}
     columns, about = read_columns(path, units, content), data["run"]
     about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct", "remarks") if name in about}
+    about["loops"] = {name: Iterations(**item) for name, item in about.get("loops", {}).items()}
     return Result(
         run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
         times=columns.pop("time"),

@@ -431,7 +431,8 @@ class Reader:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
         read = grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
-        return replace(read, isolation=given["isolation"], step_limit=min(float(given["step_limit"]), LONGEST))
+        own = {key: given[key] for key in ("isolation", "loop_tolerance", "loop_evaluations", "inputs")}
+        return replace(read, **own, step_limit=min(float(given["step_limit"]), LONGEST))
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
@@ -668,7 +669,7 @@ def read_connection(table: Table) -> Connection | None:
     """One connection of the long form, or None if it lacks an end."""
     own = table.read(CONNECTION)
     source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
-    how = (own["factor"], own["bias"], own["unit"], own["delayed"])
+    how = (own["factor"], own["bias"], own["unit"], own["delayed"], own["mean"])
     return Connection(source, target, *how, place=table.place) if source and target else None
 
 
