@@ -390,3 +390,60 @@ def test_secants_keep_all_pairs_of_a_step():
     assert np.allclose(np.array(secants.inverse) @ jacobian, np.eye(4))
     secants.learn([0.0] * 4, [0.0] * 4)  # which says nothing
     assert np.allclose(np.array(secants.inverse) @ jacobian, np.eye(4))
+
+
+# The power bond -------------------------------------------------------------------------------------------------------
+
+BOND = """
+[metrics.bond]
+kind = "bond"
+signal = "spring.force"
+reference = "mass.force"
+flows = ["spring.speed", "mass.speed"]
+bounds = [0.0, 1e-6]
+"""
+
+
+def bond(method, stop=0.5):
+    text = masses(1e3, method, stop=stop).replace("force_mean", "force").replace("mean = true\n", "")
+    return text + BOND
+
+
+def test_residual_energy_of_the_bond_is_that_of_the_values_that_both_took(write, gcc_node):
+    found = {m: run(write(bond(m)), fmus=gcc_node) for m in ("gauss-seidel", "jacobi", "iterative")}
+    assert found["iterative"].metrics["bond"].passed and found["iterative"].metrics["bond"].unit == ""
+    assert not any(found[m].metrics["bond"].passed for m in ("gauss-seidel", "jacobi"))
+    result = found["gauss-seidel"]  # the mass steps first, with the force of the step before
+    force, speed = result["spring.force"], result["mass.speed"]
+    lost, through = (
+        np.abs((force[1:] - force[:-1]) * speed[1:]),
+        np.abs(force * speed)[1:] + np.abs(force[:-1] * speed[1:]),
+    )
+    assert result.metrics["bond"].value == pytest.approx(lost.sum() / (0.5 * through.sum()), rel=1e-12)
+    result = found["jacobi"]  # both step with the values of the step before
+    force, speed = result["spring.force"], result["mass.speed"]
+    leaving, arriving = force[1:] * speed[:-1], force[:-1] * speed[1:]
+    expected = np.abs(leaving - arriving).sum() / (0.5 * (np.abs(leaving) + np.abs(arriving)).sum())
+    assert result.metrics["bond"].value == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            '["spring.speed", "mass.speed"]',
+            '["spring.speed"]',
+            "metrics.bond.flows: 1 signals found, 2 expected for `bond`",
+        ),
+        (
+            '["spring.speed", "mass.speed"]',
+            '["spring.sped", "mass.speed"]',
+            "metrics.bond.flows[0]: unknown signal `spring.sped`",
+        ),
+        ('"mass.speed"]', '"mass.x"]', "units differ"),
+        ('kind = "bond"', 'kind = "rmse"', "2 signals found, 0 expected for `rmse`"),
+    ],
+)
+def test_bond_that_is_none_is_refused(write, gcc_node, old, new, words):
+    path = write(bond("iterative").replace(old, new))
+    assert words in "\n".join(check(path, fmus=gcc_node))

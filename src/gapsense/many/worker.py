@@ -143,6 +143,6 @@ def by_port(values: Mapping[str, Value]) -> dict[Port, Value]:
 
 def thrifty(scenario: Scenario) -> Scenario:
     """A scenario that records only what its metrics look at."""
-    names = {name for m in scenario.metrics for name in (m.signal, m.reference, m.where, m.time)}
+    names = {name for m in scenario.metrics for name in (m.signal, m.reference, m.where, m.time, *(m.flows or ()))}
     signals = tuple(sorted(name for name in names if isinstance(name, str)))  # parameters match no signal
     return replace(scenario, record=replace(scenario.record, signals=signals))

@@ -318,13 +318,24 @@ def window(metric: Metric, result: Result) -> Window:
 def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
     """One metric over its samples."""
     kind, signal, other = KINDS[metric.kind], result[metric.signal][samples.rows], reference(metric, result, samples)
-    arguments = (signal, other) if kind.reference == "axis" else (signal - other,)
+    arguments: tuple[Vector | float, ...] = (signal, other) if kind.reference == "axis" else (signal - other,)
+    if kind.takes_flows:
+        names = (metric.signal, str(metric.reference), *(metric.flows or ()))
+        arguments = tuple(held(result, name)[samples.rows] for name in names)
     if kind.takes_times:
         begin = window(metric, result)[0]
         arguments = (*arguments, samples.times - (result.run.start if begin is None else begin))
     value = kind.compute(*arguments) if signal.size else math.nan
     shown = (metric.description, metric.published, metric.table, metric.label)
     return Measured(metric.name, value, unit_of(metric, units), metric.bounds, *shown)
+
+
+def held(result: Result, name: str) -> Vector:
+    """Values of a signal as they were in the steps that end at the rows: with Jacobi a row has the next inputs."""
+    values = result[name]
+    if result.run.method == "jacobi" and result.about[name].causality == "input":
+        return np.concatenate((values[:1], values[:-1]))
+    return values
 
 
 def within(window: Window, times: Vector, slack: float) -> npt.NDArray[np.bool_]:
@@ -360,4 +371,4 @@ def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
         return f"{units.get(metric.signal, '')}.{units.get(str(metric.reference), '')}"
     if KINDS[metric.kind].takes_times:
         return "s"
-    return "" if metric.kind == "fraction" else units.get(metric.signal, "")
+    return "" if metric.kind in ("fraction", "bond") else units.get(metric.signal, "")

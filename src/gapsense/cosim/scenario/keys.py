@@ -134,8 +134,8 @@ EXPERIMENT = Section(
         Key(
             "loop_tolerance",
             POSITIVE,
-            "With `iterative`: by how much of its nominal value, or of the value a step before if that is more, a value in "
-            "a loop may be off",
+            "With `iterative`: what a value in a loop may be off, of its nominal value, or of the one a step before if "
+            "that is more",
             "1e-10",
             default=Experiment.loop_tolerance,
         ),
@@ -375,6 +375,14 @@ METRIC = Section(
             "`after` and `before` are counted from the first beginning of this event",
             '"offset"',
             otherwise="they are times",
+            is_other=True,
+        ),
+        Key(
+            "flows",
+            TEXTS,
+            "Of a `bond`: the two recorded signals that are multiplied by signal and reference",
+            '["spring.speed", "mass.speed"]',
+            otherwise="none",
             is_other=True,
         ),
         Key(

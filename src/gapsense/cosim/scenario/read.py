@@ -785,6 +785,11 @@ def read_metric(table: Table, name: str) -> Metric | None:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. `after` must be the smaller one.")
     if own["kind"] is None or own["signal"] is None or not reference_fits(table, own["kind"], own["reference"]):
         return None
+    count, expected = len(own["flows"] or ()), 2 if KINDS[own["kind"]].takes_flows else 0
+    if count != expected:
+        table.note("flows", f"{count} signals found, {expected} expected for `{own['kind']}`. Correct the list.")
+        return None
+    own["flows"] = tuple(own["flows"]) if own["flows"] else None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
     label = name if own["label"] is None else own["label"]
     return Metric(**{**own, "name": name, "bounds": span, "label": label})

@@ -342,6 +342,7 @@ class Metric:
     where: str | None = None  # signal that is 0 at samples to leave out
     time: str | None = None
     event: str | None = None
+    flows: tuple[str, ...] | None = None  # of a bond, at the end of the signal and of the reference
     bounds: tuple[float, float] | None = None
     description: str = ""
     published: float | None = None  # in a paper or a data sheet, to be shown beside; it is not tested
