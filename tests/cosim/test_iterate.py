@@ -69,7 +69,7 @@ NUMBER = st.floats(-1.0, 1.0)
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.floats(-2.0, 2.0), st.floats(-0.5, 0.5), NUMBER), min_size=5, max_size=5))
-def test_loops_of_five_take_at_most_twelve_evaluations(tmp_path_factory, gcc_node, numbers):
+def test_loops_of_five_take_at_most_twelve_evaluations(tmp_path_factory, coupled_2, numbers):
     """Where the loop has a solution that small changes do not lose: the product of slopes stays away from one."""
     gains, bends, biases = (list(of) for of in zip(*numbers))
     slopes = [(abs(g) - abs(b), abs(g) + abs(b)) for g, b in zip(gains, bends)]
@@ -79,17 +79,10 @@ def test_loops_of_five_take_at_most_twelve_evaluations(tmp_path_factory, gcc_nod
         return
     path = tmp_path_factory.mktemp("ring") / "scenario.toml"
     path.write_text(ring(gains, bends, biases, more="loop_tolerance = 1e-10"))
-    result = run(path, fmus=gcc_node)
+    result = run(path, fmus=coupled_2)
     values = max(1.0, *(np.abs(result[f"n{i}.y"]).max() for i in range(5)))
     assert max(r.max() for r in residuals(result, gains, bends, biases)) < 1e-10 * values
     assert max((loop.most for loop in result.run.loops.values()), default=1) <= 12
-
-
-@pytest.fixture(scope="session")
-def gcc_node(tmp_path_factory):
-    """The FMUs of FMI 2.0 alone."""
-    coupled_fmus = pytest.importorskip("coupled.coupled_fmus")
-    return coupled_fmus.build(tmp_path_factory.mktemp("nodes"), 2)
 
 
 # Two masses -----------------------------------------------------------------------------------------------------------
@@ -129,32 +122,32 @@ def exact(kc, times):
     return np.array(z)[:, 0]
 
 
-def test_two_masses_at_a_hundred_times_the_stiffness_at_which_explicit_steps_are_unstable(write, gcc_node):
+def test_two_masses_at_a_hundred_times_the_stiffness_at_which_explicit_steps_are_unstable(write, coupled_2):
     unstable = 1e5
-    stable = run(write(masses(unstable / 30.0, "gauss-seidel")), fmus=gcc_node)
-    explicit = run(write(masses(unstable, "gauss-seidel")), fmus=gcc_node)
+    stable = run(write(masses(unstable / 30.0, "gauss-seidel")), fmus=coupled_2)
+    explicit = run(write(masses(unstable, "gauss-seidel")), fmus=coupled_2)
     assert np.abs(stable["mass.x"]).max() < 0.011 and np.abs(explicit["mass.x"]).max() > 1e3
-    result = run(write(masses(100.0 * unstable)), fmus=gcc_node)
+    result = run(write(masses(100.0 * unstable)), fmus=coupled_2)
     assert np.abs(result["mass.x"] - exact(100.0 * unstable, result.times)).max() < 1e-4 * 0.01
     assert result.run.loops["mass, spring"].mean < 2.1
 
 
-def test_error_of_two_masses_falls_with_the_square_of_the_step(write, gcc_node):
+def test_error_of_two_masses_falls_with_the_square_of_the_step(write, coupled_2):
     errors = []
     for step in (4e-3, 2e-3, 1e-3):
-        result = run(write(masses(1e4, stop=0.4).replace("base_step = 0.001", f"base_step = {step!r}")), fmus=gcc_node)
+        result = run(write(masses(1e4, stop=0.4).replace("base_step = 0.001", f"base_step = {step!r}")), fmus=coupled_2)
         errors.append(np.abs(result["mass.x"] - exact(1e4, result.times)).max())
     assert all(coarse / fine > 3.0 for coarse, fine in pairwise(errors))
 
 
-def test_energy_that_leaves_one_mass_arrives_at_the_other(write, gcc_node):
+def test_energy_that_leaves_one_mass_arrives_at_the_other(write, coupled_2):
     """With means and inputs in a straight line, at any stiffness; with inputs that are held it does not."""
     text = masses(1e7).replace("d = 0.5", "d = 0.0").replace("dc = 1000.0", "dc = 0.0")
-    result = run(write(text), fmus=gcc_node)
+    result = run(write(text), fmus=coupled_2)
     x, v, x2, v2 = (result[name] for name in ("mass.x", "mass.speed", "spring.x2", "spring.speed2"))
     energy = 0.5 * (v**2 + 2.0 * v2**2 + 40.0 * x**2 + 60.0 * x2**2 + 1e7 * (x2 - x) ** 2)
     assert np.ptp(energy) < 1e-6 * energy[0]
-    held = run(write(text.replace("stop = 2.0", 'inputs = "hold"\nstop = 2.0')), fmus=gcc_node)
+    held = run(write(text.replace("stop = 2.0", 'inputs = "hold"\nstop = 2.0')), fmus=coupled_2)
     assert np.abs(held["mass.x"] - x).max() > 1e-3
 
 
@@ -409,8 +402,8 @@ def bond(method, stop=0.5):
     return text + BOND
 
 
-def test_residual_energy_of_the_bond_is_that_of_the_values_that_both_took(write, gcc_node):
-    found = {m: run(write(bond(m)), fmus=gcc_node) for m in ("gauss-seidel", "jacobi", "iterative")}
+def test_residual_energy_of_the_bond_is_that_of_the_values_that_both_took(write, coupled_2):
+    found = {m: run(write(bond(m)), fmus=coupled_2) for m in ("gauss-seidel", "jacobi", "iterative")}
     assert found["iterative"].metrics["bond"].passed and found["iterative"].metrics["bond"].unit == ""
     assert not any(found[m].metrics["bond"].passed for m in ("gauss-seidel", "jacobi"))
     result = found["gauss-seidel"]  # the mass steps first, with the force of the step before
@@ -444,6 +437,6 @@ def test_residual_energy_of_the_bond_is_that_of_the_values_that_both_took(write,
         ('kind = "bond"', 'kind = "rmse"', "2 signals found, 0 expected for `rmse`"),
     ],
 )
-def test_bond_that_is_none_is_refused(write, gcc_node, old, new, words):
+def test_bond_that_is_none_is_refused(write, coupled_2, old, new, words):
     path = write(bond("iterative").replace(old, new))
-    assert words in "\n".join(check(path, fmus=gcc_node))
+    assert words in "\n".join(check(path, fmus=coupled_2))
