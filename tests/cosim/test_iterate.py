@@ -151,6 +151,13 @@ def test_energy_that_leaves_one_mass_arrives_at_the_other(write, coupled_2):
     assert np.abs(held["mass.x"] - x).max() > 1e-3
 
 
+def test_value_that_was_lost_has_no_line():
+    assert iterate.line(1.0, 3.0, 0.5) == (1.0, 4.0)
+    begin, slope = iterate.line(1.0, math.nan, 0.5)
+    assert math.isnan(begin) and slope == 0.0
+    assert iterate.line(math.nan, 2.0, 0.5) == (2.0, 0.0)
+
+
 # As other runs --------------------------------------------------------------------------------------------------------
 
 

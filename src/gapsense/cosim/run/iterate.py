@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from ctypes import c_double
+from functools import partial
 from math import fsum, isfinite
 from time import perf_counter
 
@@ -204,7 +205,8 @@ class Sweep:
             f"{abs(own):.3g} of its nominal value"
             for place, value, own, one in off
         ]
-        said += [f"`{self.ports[place]}` does not settle" for place in self.others if not self.is_settled]
+        others = [*(self.ports[place] for place in self.others), *self.said]
+        said += [f"`{port}` does not settle" for port in others if not self.is_settled]
         return (
             f"the loop of `{self.names}` was not solved in {self.count} evaluations: {'; '.join(said)}; "
             f"{self.experiment.loop_tolerance:.3g} expected. Reduce `base_step`, raise `loop_tolerance` or "
@@ -238,7 +240,7 @@ def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Pa
     """Bring the parts of a loop to their start; evaluations."""
     calls = {part: (part.taker(), part.reader()) for part in parts}
 
-    def act(part: Part, is_again: bool) -> None:
+    def act(part: Part, is_again: bool, leaves: bool) -> None:
         mark(part)
         renew(part, is_again)
         take, read = calls[part]
@@ -249,8 +251,8 @@ def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Pa
             raise part.failure(failed, experiment.time(part.component.offset), 0)
 
     sweep, evaluations = Sweep(parts, experiment), 0
-    for leaves in (False, True):  # noqa: B007
-        if unsolved := sweep.solve(act):
+    for leaves in (False, True):
+        if unsolved := sweep.solve(partial(act, leaves=leaves)):
             raise FmuError("run", unsolved, time=experiment.start, step=0)
         evaluations += sweep.count
     return evaluations
@@ -263,6 +265,12 @@ def can_ramp(part: Part, experiment: Experiment) -> bool:
     """True for a part that takes slopes of its inputs, and should."""
     can = part.instance.description.can_interpolate and experiment.inputs == "linear"
     return can and part.follows and any(channel.is_in_place for channel in part.givers)
+
+
+def line(old: float, new: float, duration: float) -> tuple[float, float]:
+    """Value at the beginning of a step, and slope; a value that was lost, NaN, has no line before or after it."""
+    slope = (new - old) / duration
+    return (old, slope) if isfinite(slope) else (new, 0.0)
 
 
 class Ramp:
@@ -284,8 +292,9 @@ class Ramp:
         """Take the new values, and put the old ones to where they are given from."""
         self.copy()
         self.new = [self.buffer[place] for place in self.places]
-        self.slopes[:] = [(new - old) / self.duration for new, old in zip(self.new, self.old)]
-        self.set(self.old)
+        lines = [line(old, new, self.duration) for old, new in zip(self.old, self.new)]
+        self.slopes[:] = [slope for _, slope in lines]
+        self.set([begin for begin, _ in lines])
 
     def set(self, values: Vector) -> None:
         """Set the inputs in the buffer."""
@@ -296,7 +305,7 @@ class Ramp:
         """Give the part its inputs at the beginning of the step, and their slopes; what failed, or nothing."""
         failed = self.give()
         self.set(self.new)
-        return failed or self.part.checked(self.tell(), SLOPE)
+        return failed or (self.part.checked(self.tell(), SLOPE) if self.places else "")
 
     def keep(self) -> None:
         """The step is over: the next one begins where it has ended."""
