@@ -20,7 +20,7 @@ SRC = HERE.parents[1] / "src"
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the FMUs Source, Lag, Gain, Noise, Faulty, Types and Tuned."""
+    """Folder with the FMUs Source, Lag, Gain, Noise, Faulty, Types, Tuned and Switch."""
     folder = tmp_path_factory.mktemp("fmus")
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     subprocess.run(

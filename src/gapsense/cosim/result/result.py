@@ -333,9 +333,12 @@ def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[st
 def held(result: Result, name: str) -> Vector:
     """Values of a signal as they were in the steps that end at the rows: with Jacobi a row has the next inputs."""
     values = result[name]
-    if result.run.method == "jacobi" and result.about[name].causality == "input":
-        return np.concatenate((values[:1], values[:-1]))
-    return values
+    return np.concatenate((values[:1], values[:-1])) if is_late(result, name) else values
+
+
+def is_late(result: Result, name: str) -> bool:
+    """True if the value that a signal had in a step stands in the row where the step begins."""
+    return result.run.method == "jacobi" and result.about[name].causality == "input"
 
 
 def within(window: Window, times: Vector, slack: float) -> npt.NDArray[np.bool_]:
