@@ -5,8 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from gapsense.cosim import Checkpoint, FmuError, ScenarioError, check, read_result, run
@@ -42,9 +40,8 @@ def ring(gains, bends, biases, lazy=0, more="", own=""):
 
 def residuals(result, gains, bends, biases):
     """What each node's equation is off by, at every row."""
-    n = len(gains)
     for i, (gain, bend, bias) in enumerate(zip(gains, bends, biases)):
-        u, v = result[f"n{(i - 1) % n}.y"], result[f"n{i}.v"]
+        u, v = result[f"n{i}.u"], result[f"n{i}.v"]
         yield np.abs(bias + gain * u + bend * np.sin(u + v) - result[f"n{i}.y"])
 
 
@@ -58,31 +55,34 @@ def test_loop_of_five_is_solved_at_every_row(write, coupled, lazy):
     assert check(path, fmus=coupled) == []
     result = run(path, fmus=coupled)
     assert result.run.order[0] == "swing" and np.ptp(result["n0.y"]) > 0.1 and result.times.size == 11
-    assert max(r.max() for r in residuals(result, *FIVE)) < 1e-10
+    assert max(r.max() for r in residuals(result, *FIVE)) < 1e-12
+    assert max(np.abs(result[f"n{i}.u"] - result[f"n{i - 1}.y"]).max() for i in range(1, 5)) == 0.0
+    assert np.abs(result["n0.u"] - result["n4.y"]).max() < 1e-10
     loop = result.run.loops["n0, n1, n2, n3, n4"]
     assert loop.steps == 10 and loop.mean < 6.0 and loop.most <= 12
     assert result.timing["n0"].calls == 10
 
 
-NUMBER = st.floats(-1.0, 1.0)
+def a_ring(seed):
+    """Gains, bends and biases of five nodes; the product of slopes stays away from one, where solutions are lost."""
+    random = np.random.default_rng(seed)
+    while True:
+        gains, bends, biases = (random.uniform(-most, most, 5) for most in (2.0, 0.5, 1.0))
+        least, most = np.abs(gains) - np.abs(bends), np.abs(gains) + np.abs(bends)
+        if np.prod(most) < 0.8 or (np.prod(gains) < 0.0 and np.all(least > 0.3)):
+            return gains.tolist(), bends.tolist(), biases.tolist()
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.lists(st.tuples(st.floats(-2.0, 2.0), st.floats(-0.5, 0.5), NUMBER), min_size=5, max_size=5))
-def test_loops_of_five_take_at_most_twelve_evaluations(tmp_path_factory, coupled_2, numbers):
-    """Where the loop has a solution that small changes do not lose: the product of slopes stays away from one."""
-    gains, bends, biases = (list(of) for of in zip(*numbers))
-    slopes = [(abs(g) - abs(b), abs(g) + abs(b)) for g, b in zip(gains, bends)]
-    is_plain = math.prod(most for _, most in slopes) < 0.8
-    is_steep = math.prod(gains) < 0.0 and all(least > 0.3 for least, _ in slopes)
-    if not is_plain and not is_steep:
-        return
-    path = tmp_path_factory.mktemp("ring") / "scenario.toml"
-    path.write_text(ring(gains, bends, biases, more="loop_tolerance = 1e-10"))
-    result = run(path, fmus=coupled_2)
+@pytest.mark.parametrize("seed", range(20))
+def test_loops_of_five_take_at_most_twelve_evaluations(write, coupled_2, seed):
+    """Those of seeds 1000 to 1299 took 7 at most when this was written."""
+    numbers = a_ring(seed)
+    result = run(write(ring(*numbers, more="loop_tolerance = 1e-10")), fmus=coupled_2)
     values = max(1.0, *(np.abs(result[f"n{i}.y"]).max() for i in range(5)))
-    assert max(r.max() for r in residuals(result, gains, bends, biases)) < 1e-10 * values
-    assert max((loop.most for loop in result.run.loops.values()), default=1) <= 12
+    gaps = [np.abs(result[f"n{i}.u"] - result[f"n{(i - 1) % 5}.y"]).max() for i in range(5)]
+    assert max(gaps) <= 1e-10 * values
+    assert max(r.max() for r in residuals(result, *numbers)) < 1e-12 * values
+    assert result.run.loops["n0, n1, n2, n3, n4"].most <= 12
 
 
 # Two masses -----------------------------------------------------------------------------------------------------------
@@ -219,7 +219,8 @@ def test_slow_component_of_a_loop_joins_when_its_turn_comes(write, coupled):
     )
     result = run(write(text), fmus=coupled)
     first, second = residuals(result, gains, bends, biases)
-    assert first.max() < 1e-7 and second[::2].max() < 1e-7 and second[1::2].max() > 1e-3
+    gap = np.abs(result["n1.u"] - result["n0.y"])
+    assert max(first.max(), second[::2].max()) < 1e-12 and gap[::2].max() < 1e-7 and gap[1::2].max() > 1e-3
     assert np.array_equal(result["n1.y"][2:-1:2], result["n1.y"][3::2])
     assert {name: loop.steps for name, loop in result.run.loops.items()} == {"n0, n1": 5}
 
