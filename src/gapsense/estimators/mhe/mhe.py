@@ -30,6 +30,7 @@ from gapsense.estimators.mhe.watch import (
     Watch,
     as_seen,
     is_strange,
+    is_unlearnt,
     is_untold,
     is_wild,
     listen,
@@ -60,6 +61,7 @@ from gapsense.estimators.readings import (
     OTHER,
     RESTARTED,
     STILL,
+    UNLEARNT,
     UNTOLD,
     VOLTAGE,
     Health,
@@ -209,7 +211,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         causal=vector(at),
         believed=zeros(len(d)),
         held=Held(held_level=u, held_voltage=u),
-        watch=Watch(noise=par.noise_current),
+        watch=Watch(noise=par.noise_current, is_driven=flag(drives(u, par))),
         follow=Follow(covariance=vector([0.0] * 9)),
         work=first_work(at, inputs.time, par),
         samples=Samples(
@@ -217,7 +219,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         ),
         smoothed=Smoothed(fluxes=zeros(RING), positions=zeros(RING)),
     )
-    fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
+    has_readings = has_voltage & _has_current(inputs, par)
+    fine = health({LOST: not_(has_readings), UNLEARNT: is_unlearnt(state.watch, state.work.learnt, par)})
     return state, _outputs(
         at, d, 0.0, _shown(at, inputs.time), state.work.learnt, published(priors(par), par), fine, par
     )
@@ -296,6 +299,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         STILL: is_set(watch.is_still),
         OTHER: _is_other(work, par),
         UNTOLD: is_untold(watch, told),
+        UNLEARNT: is_unlearnt(watch, work.learnt, par),
     }
     state = State(
         last_command=inputs.command,

@@ -38,6 +38,7 @@ class Watch(NamedTuple):
     """What is noticed."""
 
     noise: Scalar  # standard deviation of the current, as it is seen; at least what was told [A]
+    is_driven: Scalar = 0.0  # flag: a voltage has come
     switching: Scalar = 0.0  # share of samples at an edge, among those with a voltage or an edge
     edge: Edge = Edge()
     spread: Scalar = ANYWHERE  # variance of the places of edges, of late
@@ -78,10 +79,14 @@ def is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
 
 
 def listen(before: Watch, samples: Samples, u: Scalar, i: Scalar, par: Parameters) -> Watch:
-    """The noise of the current and the share of edges with a new sample."""
-    is_edge = drives(u - load(samples.voltages, samples.newest), par)
-    step = where(is_edge | drives(u, par), OFTEN * (flag(is_edge) - before.switching), 0.0)
-    return before._replace(noise=_noise(before.noise, samples, u, i, par), switching=before.switching + step)
+    """The noise of the current, whether a voltage has come, and the share of edges, with a new sample."""
+    is_edge, is_driving = drives(u - load(samples.voltages, samples.newest), par), drives(u, par)
+    step = where(is_edge | is_driving, OFTEN * (flag(is_edge) - before.switching), 0.0)
+    return before._replace(
+        noise=_noise(before.noise, samples, u, i, par),
+        is_driven=where(is_driving, 1.0, before.is_driven),
+        switching=before.switching + step,
+    )
 
 
 def _noise(noise: Scalar, before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
@@ -187,3 +192,11 @@ def _place_edge(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Po
 def is_strange(watch: Watch) -> Scalar:
     """Whether this operation is, or one was, and not two with a motion since then were not."""
     return is_set(watch.is_strange) | (watch.suspicion > 0.0)
+
+
+def is_unlearnt(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
+    """A voltage has come, and too few motions were explained since for innovations to tell a wrong position.
+
+    With `option.further` windows are searched thoroughly from the first one on.
+    """
+    return is_set(watch.is_driven) & (learnt.explained < KNOWN) & not_(is_set(par.option_further))
