@@ -21,7 +21,10 @@ from gapsense.studies.devices import RTS_VALVE
 NOISE = 30e-3  # of the voltage [V]
 HEALTHY, BROKEN, AFTER = 6, 5, 12  # cycles before, in and after a fault
 STROKE = RTS_VALVE.stop_upper - RTS_VALVE.stop_lower
-COIL = {"5 ohm more": {"coil_resistance": RTS_VALVE.coil_resistance + 5.0}}
+COIL = {
+    "5 ohm more": {"coil_resistance": RTS_VALVE.coil_resistance + 5.0},
+    "1 % less": {"coil_resistance": 0.99 * RTS_VALVE.coil_resistance},
+}
 ONE_WAY = {
     "lower stop lower": {"stop_lower": RTS_VALVE.stop_lower - 0.1 * STROKE},
     "lower stop higher": {"stop_lower": RTS_VALVE.stop_lower + 0.1 * STROKE},
@@ -210,3 +213,12 @@ def test_another_resistance_is_no_servo() -> None:
     found = run(blind(), rows(with_noise(s.voltage, 2), noisy(s, 2)))
     errors = causal_errors(found["position"], s, START + HEALTHY * CYCLE)
     assert np.all(errors < 150.0) and np.all(errors[2:BROKEN] < 30.0) and np.all(errors[-5:] < 15.0)
+
+
+@pytest.mark.parametrize("noise", [1e-3, 2e-3])
+def test_a_coil_that_has_cooled_by_a_percent_is_no_servo(noise: float) -> None:
+    """Nor one that is warm again: the current was fed back, and the mover believed up to 1 mm off, a whole stroke."""
+    s = broken("1 % less")
+    found = run(blind(noise_current=noise), rows(with_noise(s.voltage, 2), noisy(s, 2, noise)))
+    error = np.abs(found["position"] - s.position)[START + HEALTHY * CYCLE :]
+    assert error.max() < 80e-6

@@ -51,6 +51,7 @@ class Coil(NamedTuple):
     is_edge: Scalar  # of the voltage
     pulls: Scalar  # whether there is current enough to tell a position
     resistance: Scalar  # by a held voltage, or 0
+    is_right: Scalar  # whether that explains the innovations
 
 
 def feed_back(before: Point, follow: Follow, reading: Reading, m: Model) -> tuple[Array, Array]:
@@ -103,7 +104,7 @@ def _change(before: Follow, is_lasting: Scalar, coil: Coil, now: Point, m: Model
     is_other = (coil.resistance > 0.0) & (off > OTHER_COIL)
     fails = is_on & ((lasts >= long) | is_other | not_(coil.pulls))
     was_futile = is_set(before.is_futile) & not_(coil.is_edge)
-    begins = (lasts >= long) & coil.pulls & (off < SAME_COIL) & not_(is_on | was_futile)
+    begins = (lasts >= long) & coil.pulls & (off < SAME_COIL) & not_(coil.is_right | is_on | was_futile)
     ends = fails | (is_on & (rests >= long))
     first = vector([std * std if j == k else 0.0 for j, std in enumerate(AT_FIRST) for k in range(3)])
     return Follow(

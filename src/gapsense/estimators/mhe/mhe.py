@@ -30,6 +30,7 @@ from gapsense.estimators.mhe.watch import (
     Watch,
     as_seen,
     is_strange,
+    is_too_large,
     is_unlearnt,
     is_untold,
     is_wild,
@@ -285,10 +286,19 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     watch = watch_operation(watch, seen, now, work.learnt, m, par)
 
     def coil() -> Coil:
-        pulls = fabs(held.held_current) > LARGE * par.noise_current
-        return Coil(is_edge=is_edge, pulls=pulls, resistance=_resistance(held, par))
+        i, R = held.held_current, _resistance(held, par)
+        left = watch.surprise - i * (1.0 - R / m.d.resistance)  # by what another resistance does not explain
+        return Coil(
+            is_edge=is_edge,
+            pulls=fabs(i) > LARGE * par.noise_current,
+            resistance=R,
+            is_right=not_(is_too_large(left, work.learnt, par)),
+        )
 
-    follow = decide(state.follow._replace(covariance=covariance), is_set(watch.is_large), is_edge, coil, now, m)
+    lasts = where(is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
+    follow = decide(
+        state.follow._replace(covariance=covariance, lasts=lasts), is_set(watch.is_large), is_edge, coil, now, m
+    )
     work = when(is_set(state.follow.is_on), lambda work: _drop_long(work, follow, par), work)
     # what is published
     work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
