@@ -1,11 +1,11 @@
 """What `Mhe` does with a mover that something holds or moves between its stops: it feeds the current back.
 
-Open loop, the model comes to a stop where a servo does not.  Where the mean innovation has been too large for some
-time, and a held voltage over its current is R, so that coil and sensor are right, an extended Kalman filter of
-(lambda, z, v) on the learnt model goes on, begun with so little trust in the state that the first currents decide (10).
-It ends at rest on a stop.  Where it explains the currents no better, where a held voltage says that R is another one,
-or where no current is left to tell a position, it was no servo but a fault: the model runs open loop again, at least
-until the next edge of the voltage.
+Open loop, the model comes to a stop where a servo does not.  An extended Kalman filter of (lambda, z, v) on the learnt
+model goes on where the mean innovation has been too large for some time, where a held voltage over its current is R, so
+that coil and sensor are right, and where the little that R may be off does not explain it.  It begins with so little
+trust in the state that the first currents decide (10), and ends at rest on a stop.  Where it explains the currents no
+better, where a held voltage says that R is another one, or where no current is left to tell a position, it was no servo
+but a fault: the model runs open loop again, at least until the next edge of the voltage.
 """
 
 from __future__ import annotations

@@ -286,8 +286,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     watch = watch_operation(watch, seen, now, work.learnt, m, par)
 
     def coil() -> Coil:
-        i, R = held.held_current, _resistance(held, par)
-        left = watch.surprise - i * (1.0 - R / m.d.resistance)  # by what another resistance does not explain
+        i, creep, R = held.held_current, held.held_drift, _resistance(held, par)
+        left = watch.surprise - i * (1.0 - R / m.d.resistance)  # what another resistance does not explain
+        left = left - clip(left, where(creep < 0.0, creep, 0.0), where(creep > 0.0, creep, 0.0))  # nor where i goes to
         return Coil(
             is_edge=is_edge,
             pulls=fabs(i) > LARGE * par.noise_current,
