@@ -74,11 +74,10 @@ class Excitation(NamedTuple):
         return volts
 
     def shortened(self, share: float) -> Excitation:
-        """Its first part."""
+        """Its first part: the rest does not count."""
         n = max(round(share * self.current.size), BEFORE + 1)
-        return self._replace(
-            current=self.current[:n], halves=self.halves[:n], edges=self.edges[self.edges < n], weights=self.weights[:n]
-        )
+        weights = np.where(np.arange(self.weights.size) < n, self.weights, 0.0)
+        return self._replace(edges=self.edges[self.edges < n], weights=weights)
 
 
 def means(halves: Matrix, at: Vector, parts: int) -> Matrix:

@@ -4,22 +4,38 @@ Sought are the logarithms of factors of what is believed, each with a deviation 
 places of the edges: sum w^2 (i - i_model)^2 + sum (log factor / deviation)^2 + sum (place / deviation)^2.  Coil and
 core come first, from the first quarter of each record; then all parameters, from its first half and from the whole of
 it: far from the minimum a long record is wrong by whole motions, and says little.
+
+What that leaves of the current asks for more: the length along which the flux of the gap fringes, another knee b m^n of
+the core, and elastic stops.  A longer fringe is a leak G beside the gap, R/(1 + G R): with R = R' z/(1 + k z ln(c/z))
+only c changes, to c exp(G R'/k).  A mover that bounces has many minima; so the records are taken piece by piece.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from gapsense._os.workers import Progress
 from gapsense.estimators.mhe.model import Parameters, device
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.identification.actuator import kernel as simulated
 from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, LEFT, Excitation, read_excitation
-from gapsense.identification.least_squares import STEP, Matrix, Vector, currents, finite, minimise, promise
+from gapsense.identification.actuator.kernel import USUAL, Beyond
+from gapsense.identification.least_squares import (
+    STEP,
+    Matrix,
+    Vector,
+    currents,
+    differences,
+    finite,
+    minimise,
+    promise,
+    rms,
+)
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.residual import EXPLAINED, Residual, rounding
 from gapsense.identification.residual import residual as of_all
@@ -42,6 +58,16 @@ DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10
     "spring_rest": 0.06,
     "damping": 0.075,
 }
+MORE = {  # the same, where the records ask for more
+    **DEVIATIONS,
+    "core_bend": 1.5,
+    "core_exponent": 0.3,
+    "gap_fringing": 1.0,
+    "gap_window": 1.0,
+    "stop_stiffness": 0.9,
+    "stop_damping": 1.0,
+}
+STOPS = ("stop_stiffness", "stop_damping")
 PLACE_STEP = 1e-3  # of a difference quotient
 BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
 KERNEL = Kernel(simulated)
@@ -55,6 +81,7 @@ class Problem(NamedTuple):
     drives: Sequence[Excitation]
     is_alike: bool = False  # all edges of a record lie alike in their periods
     doubts: Mapping[str, float] = {}  # deviations of what was assumed, in place of the usual ones
+    beyond: Beyond = USUAL
 
     @property
     def deviations(self) -> Vector:
@@ -67,7 +94,8 @@ class Problem(NamedTuple):
     @property
     def believed(self) -> dict[str, float]:
         """How wrong what is believed may be, by field."""
-        return {name: self.doubts[name] if name in self.doubts else DEVIATIONS[name] for name in self.names}
+        usual = DEVIATIONS if self.beyond == USUAL else MORE
+        return {name: {**usual, **self.doubts}[name] for name in self.names}
 
     def places(self, x: Vector) -> list[Vector]:
         """Those of the edges of each record."""
@@ -92,7 +120,7 @@ class Problem(NamedTuple):
     def limits(self) -> tuple[Vector, Vector]:
         """Lowest and highest point."""
         places = self.deviations.size - len(self.names)
-        high = np.append([furthest(name) for name in self.names], np.ones(places))
+        high = np.append([furthest(deviation) for deviation in self.believed.values()], np.ones(places))
         return -high, high
 
     def residuals(self, points: Sequence[Vector]) -> Matrix:
@@ -116,7 +144,7 @@ class Problem(NamedTuple):
         return finite(J)
 
 
-def slopes(pars: Sequence[Parameters], drive: Excitation, places: Vector) -> tuple[Matrix, Matrix]:
+def slopes(pars: Sequence[simulated.Parameters], drive: Excitation, places: Vector) -> tuple[Matrix, Matrix]:
     """Derivatives of the residuals of a record: by logarithms, then by its offset, all places together, and each."""
     by = np.where(places > 0.0, -PLACE_STEP, PLACE_STEP)  # inwards
     volts = np.repeat(drive.voltage(places)[:, None], len(pars), axis=1)
@@ -127,29 +155,35 @@ def slopes(pars: Sequence[Parameters], drive: Excitation, places: Vector) -> tup
     return off[:, : len(pars) - 1] / STEP, np.hstack([-drive.weights[:, None], each.sum(axis=1, keepdims=True), each])
 
 
-def parameters_at(p: Problem, x: Vector) -> Parameters:
+def parameters_at(p: Problem, x: Vector) -> simulated.Parameters:
     """What is known, multiplied by factors."""
-    factors = zip(p.names, np.exp(x[: len(p.names)]).tolist())
-    return p.known._replace(**{name: getattr(p.known, name) * factor for name, factor in factors})
+    factors = dict(zip(p.names, np.exp(x[: len(p.names)]).tolist()))
+
+    def scaled(part: Any) -> Any:
+        return part._replace(**{n: getattr(part, n) * factors[n] for n in part._fields if n in factors})
+
+    return simulated.Parameters(scaled(p.known), scaled(p.beyond))
 
 
-def sampled_currents(pars: Sequence[Parameters], drive: Excitation, volts: Matrix) -> Matrix:
+def sampled_currents(pars: Sequence[simulated.Parameters], drive: Excitation, volts: Matrix) -> Matrix:
     """Currents of several models at the samples, (models, samples); `volts` are those of each, (steps, models)."""
     every = np.vstack([np.zeros((1, len(pars))), volts])
-    pars = [par._replace(sample_time=drive.step) for par in pars]
+    pars = [par._replace(known=par.known._replace(sample_time=drive.step)) for par in pars]
     return currents(KERNEL, pars, every[:, None, :])[:, :: drive.parts]
 
 
-def simulate(par: Parameters, drive: Excitation, places: Vector, offset: float = 0.0) -> Trajectory:
+def simulate(
+    par: Parameters, drive: Excitation, places: Vector, offset: float = 0.0, beyond: Beyond = USUAL
+) -> Trajectory:
     """The model at each sample of a record, with the offset that its current has."""
-    rows = run(par._replace(sample_time=drive.step), [0.0, *drive.voltage(places).tolist()])[:: drive.parts]
+    rows = run(par._replace(sample_time=drive.step), [0.0, *drive.voltage(places).tolist()], beyond)[:: drive.parts]
     current, flux_linkage, position = rows.T
     return Trajectory(current + offset, flux_linkage, position)
 
 
-def run(par: Parameters, volts: list[float]) -> Matrix:
+def run(par: Parameters, volts: list[float], beyond: Beyond = USUAL) -> Matrix:
     """Current, flux linkage and position after each step with its mean voltage; the first row is the start, at rest."""
-    return np.array(KERNEL.run([(u,) for u in volts], par)[1])
+    return np.array(KERNEL.run([(u,) for u in volts], simulated.Parameters(par, beyond))[1])
 
 
 LONGEST, ENOUGH = 25, 1e-5  # steps, and relative fall of the cost with which they end
@@ -158,9 +192,9 @@ NEAR = 0.999  # part of it that is at the limit
 PROMISES = 0.1  # part of the cost, by which a minimum is none
 
 
-def furthest(name: str) -> float:
-    """How far the logarithm of a field may go: losses are guesses, up to solid cores."""
-    return GUESSED if DEVIATIONS.get(name, 0.0) >= 1.0 else FURTHEST
+def furthest(deviation: float) -> float:
+    """How far a logarithm may go: losses are guesses, up to solid cores."""
+    return GUESSED if deviation >= 1.0 else FURTHEST
 
 
 CAUSES = {
@@ -187,16 +221,22 @@ def residual(drive: Excitation, model: Trajectory, model_error: float) -> Residu
     )
 
 
-ELECTRIC = {name for name in DEVIATIONS if name.startswith(("coil", "core")) and name != "core_turnover"}
+ELECTRIC = {name for name in MORE if name.startswith(("coil", "core")) and name != "core_turnover"}
 BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones
 CHANCE = 2.0  # squares that a number explains without meaning (AIC)
+HELPS = 0.8  # of the misfit, that more numbers have to leave at most
+QUANTILES = 200  # of flux linkages
+STIFF, SOFT = 0.15, 0.5  # first guesses of stops: angular frequency of the mover there by the step, damping [s/m]
+SHARP, BENT = 10.0, 0.9  # first guess of the exponent, and share of saturation at which the knee stays
 SHARES = (0.25, 0.5, 1.0)  # of each record that is used, one after the other
+PIECES, ROUGH = np.linspace(0.01, 1.0, 100).tolist(), 1e-3  # the same, of many minima, and the fall with which they end
 
 
 class Commissioned(NamedTuple):
     """What was found, and how well."""
 
     parameters: Parameters  # complete set
+    beyond: Beyond  # what `Mhe` has not
     names: list[str]  # fields that were fitted
     covariance: Matrix  # of their logarithms
     misfit: float  # cost over what noise and error of the model make
@@ -245,15 +285,41 @@ def commission(
     par, doubts = with_bend(known), doubts or {}
     names = [name for name in dict.fromkeys((*DEVIATIONS, *doubts)) if is_fitted(par, name)]
     every = Problem(par, names, drives, doubts=doubts)
+    found = search(every, progress)
+    for more in ((), STOPS):
+        if found.is_explained or any(d.is_too_fast for d in drives):
+            break
+        richer = search(with_more(every, more), progress, PIECES, ROUGH)
+        found = richer if richer.misfit < HELPS * found.misfit else found
+    return found
+
+
+def with_more(p: Problem, more: Sequence[str]) -> Problem:
+    """With a leak, if the gap law has one, another knee, of which the saturation is no part, and perhaps stops."""
+    par, names = p.known, [name for name in p.names if name not in ("core_saturation", "gap_window")]
+    stiffness = float(par.mover_mass) * (STIFF / max(d.step for d in p.drives)) ** 2
+    leak = ["gap_window"] if is_fitted(par, "gap_window") else []
+    knee = BENT ** (3.0 - SHARP) / (1.0 - BENT**2)
+    return p._replace(
+        known=par._replace(core_bend=par.core_bend * knee),
+        names=[*names, *leak, "core_exponent", *more],
+        beyond=Beyond(SHARP, stiffness, SOFT) if more else Beyond(SHARP),
+    )
+
+
+def search(
+    every: Problem, progress: Progress, shares: Sequence[float] = SHARES, enough: float = ENOUGH
+) -> Commissioned:
+    """What explains the records, from what is believed on, by ever larger shares of them."""
     x, steps = np.zeros(every.deviations.size), 0
-    for k, share in enumerate(SHARES):
-        progress(k, len(SHARES) + 1)
-        free = [j for j, name in enumerate(names) if k or name in ELECTRIC]
-        part = every._replace(names=[names[j] for j in free], drives=[d.shortened(share) for d in drives])
-        at = np.array([*free, *places_sought(drives, part.drives, len(names))])
-        found = minimise(part, x[at], LONGEST, ENOUGH)
+    for k, share in enumerate(shares):
+        progress(k, len(shares) + 1)
+        free = [j for j, name in enumerate(every.names) if k or name in ELECTRIC]
+        part = every._replace(names=[every.names[j] for j in free], drives=[d.shortened(share) for d in every.drives])
+        at = np.array([*free, *places_sought(every.drives, part.drives, len(every.names))])
+        found = minimise(part, x[at], LONGEST, enough if share < 1.0 else ENOUGH)
         x[at], steps = found.point, steps + found.steps
-    progress(len(SHARES), len(SHARES) + 1)
+    progress(len(shares), len(shares) + 1)
     return conclude(*in_step(every, x), steps)
 
 
@@ -293,10 +359,11 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     misfit = float(r @ r - r[-x.size :][:n] @ r[-x.size :][:n]) / usual(p)
     covariance: Matrix = max(1.0, misfit) * np.linalg.inv(J.T @ J).astype(np.float64)[:n, :n]
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
-    models = [simulate(found, *of_record) for of_record in zip(p.drives, places, p.offsets(x))]
+    models = [simulate(found.known, *of_record, found.beyond) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
     return Commissioned(
-        parameters=found,
+        parameters=found.known,
+        beyond=found.beyond,
         names=p.names,
         covariance=covariance,
         misfit=misfit,
@@ -307,16 +374,59 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
         believed=p.believed,
         steps=steps,
         promise=promise(p, x, J, r),
-        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * furthest(name)],
+        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * furthest(p.believed[name])],
     )
+
+
+def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
+    """What was found with the knee that estimators have in place of b m^n; and the current that this leaves, RMS [A].
+
+    Least squares of the static current over the flux linkages of the records.
+    """
+    par, area, n = result.parameters, result.parameters.coil_turns**2, result.beyond.core_exponent
+    if not n:
+        return result, 0.0
+    all_lam = np.abs(np.concatenate([model.flux_linkage for model in result.models]))
+    lam = np.quantile(all_lam, np.linspace(0.0, 1.0, QUANTILES))
+    fields = ("core_reluctance", "core_bend", "core_exponent")
+    known = np.array([par.core_reluctance, par.core_bend, n])
+
+    def left(x: Vector, logs: Vector) -> Vector:
+        (core, bend, power), (own, steep, room) = known * np.exp(logs), np.exp(x)
+        m = lam / (lam.max() * (1.0 + room))
+        usual = own * lam + steep * m**2 / (1.0 - m**2) * lam
+        sharp = core * lam + bend * (lam / par.core_saturation) ** (power - 1.0) * lam
+        return np.asarray((usual - sharp) / area)
+
+    def values(points: Sequence[Vector]) -> Matrix:
+        start = np.log([par.core_reluctance, 0.1 * par.core_reluctance, 0.05])
+        found = np.array([least_squares(left, start, args=(logs,), x_scale="jac").x for logs in points])
+        found[:, 2] = np.log(lam.max() * (1.0 + np.exp(found[:, 2])))
+        return found
+
+    (at,) = values([np.zeros(3)])
+    places = [result.names.index(name) for name in fields]
+    T = np.eye(len(result.names))
+    T[np.ix_(places, places)] = differences(values, np.zeros(3))
+    names = [{"core_exponent": "core_saturation"}.get(name, name) for name in result.names]
+    core, bend, saturation = np.exp(at).tolist()
+    found = result._replace(
+        parameters=par._replace(core_reluctance=core, core_bend=bend, core_saturation=saturation),
+        beyond=result.beyond._replace(core_exponent=0.0),
+        names=names,
+        covariance=T @ result.covariance @ T.T,
+    )
+    room = np.log(saturation / lam.max() - 1.0)
+    return found, rms(left(np.array([at[0], at[1], room]), np.zeros(3)))
 
 
 def position_error(result: Commissioned) -> float:
     """What the standard errors of all parameters do to the position of the model, RMS in the worst record [m]."""
-    p, found = Problem(result.parameters, result.names, result.drives), []
+    p, found = Problem(result.parameters, result.names, result.drives, beyond=result.beyond), []
     pars = [parameters_at(p, step) for step in STEP * np.eye(len(p.names))]
     for one, places, model in zip(result.drives, result.places, result.models):
-        slopes = [(simulate(par, one, places).position - model.position) / STEP for par in pars]
+        moved = [simulate(par.known, one, places, beyond=par.beyond) for par in pars]
+        slopes = [(there.position - model.position) / STEP for there in moved]
         found.append(np.mean(np.einsum("jt,jk,kt->t", slopes, result.covariance, slopes)))
     return float(np.sqrt(max(found)))
 
@@ -347,17 +457,18 @@ def with_bend(par: Parameters) -> Parameters:
 
 def is_fitted(par: Parameters, name: str) -> bool:
     """What is zero stays zero, and a gap law in a file has a factor only."""
-    return bool(getattr(par, name) > 0.0 and (name != "gap_fringing" or par.gap_law == GapLaw.fringing))
+    has_fringe = par.gap_law == GapLaw.fringing and par.gap_fringing > 0.0
+    return bool(getattr(par, name) > 0.0 and (has_fringe or name not in ("gap_fringing", "gap_window")))
 
 
-def validate_actuator(par: Parameters, records: Sequence[Record]) -> list[Validation]:
+def validate_actuator(par: Parameters, records: Sequence[Record], beyond: Beyond = USUAL) -> list[Validation]:
     """The model beside each of some records; only offsets and the places of edges are sought."""
-    return [validate(par, record) for record in records]
+    return [validate(par, record, beyond) for record in records]
 
 
-def validate(par: Parameters, record: Record) -> Validation:
+def validate(par: Parameters, record: Record, beyond: Beyond) -> Validation:
     """Beside one of them."""
     driven = read_excitation(record, par)
-    p = Problem(par, [], [driven])
+    p = Problem(par, [], [driven], beyond=beyond)
     x = minimise(p, np.zeros(p.deviations.size), LONGEST, ENOUGH).point
-    return compare(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0]), driven.first)
+    return compare(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0], beyond), driven.first)
