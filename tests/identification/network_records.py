@@ -6,6 +6,7 @@ of its own.  A spring holds the mover at the open stop; stops are those of `Tabl
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 from c_code import driven
-from static_table import write
 
 from gapsense.actuators import table_actuator
 from gapsense.actuators.table_actuator import Parameters
@@ -49,6 +49,13 @@ def current(h: float, lam: float) -> float:
     """Static [A]."""
     flux = lam / TURNS
     return ((working(h) + SLIDE) * flux + sum(length * field(flux / area) for length, area in IRON)) / TURNS
+
+
+def write(file: Path, gaps: np.ndarray, fluxes: np.ndarray, law: Callable[[float, float], float]) -> Path:
+    """A map of a law for `TableActuator`."""
+    rows = [f"{h:.9g},{lam:.9g},{law(h, lam):.9g}\n" for h in gaps for lam in fluxes]
+    file.write_text("gap [m],flux_linkage [Wb],current [A]\n" + "".join(rows), encoding="utf-8")
+    return file
 
 
 class Magnet(NamedTuple):

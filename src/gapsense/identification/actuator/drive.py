@@ -74,10 +74,16 @@ class Excitation(NamedTuple):
         return volts
 
     def shortened(self, share: float) -> Excitation:
-        """Its first part: the rest does not count."""
+        """Its first part."""
         n = max(round(share * self.current.size), BEFORE + 1)
-        weights = np.where(np.arange(self.weights.size) < n, self.weights, 0.0)
-        return self._replace(edges=self.edges[self.edges < n], weights=weights)
+        return self._replace(
+            current=self.current[:n], halves=self.halves[:n], edges=self.edges[self.edges < n], weights=self.weights[:n]
+        )
+
+    def counted(self, share: float) -> Excitation:
+        """Only the first part counts; so the model of each part is the same code."""
+        part = self.shortened(share)
+        return self._replace(edges=part.edges, weights=np.pad(part.weights, (0, self.weights.size - part.weights.size)))
 
 
 def means(halves: Matrix, at: Vector, parts: int) -> Matrix:

@@ -17,11 +17,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from gapsense._os.workers import Progress
+from gapsense.estimators.gap import gap_law, make_gap
 from gapsense.estimators.mhe.model import Parameters, device
-from gapsense.estimators.reduced_model import GapLaw
+from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
 from gapsense.identification.actuator import kernel as simulated
 from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, LEFT, Excitation, read_excitation
 from gapsense.identification.actuator.kernel import USUAL, Beyond
@@ -224,12 +226,14 @@ def residual(drive: Excitation, model: Trajectory, model_error: float) -> Residu
 ELECTRIC = {name for name in MORE if name.startswith(("coil", "core")) and name != "core_turnover"}
 BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones
 CHANCE = 2.0  # squares that a number explains without meaning (AIC)
-HELPS = 0.8  # of the misfit, that more numbers have to leave at most
+LAW_ERROR, LAW_SHAPES = 5e-3, 3  # of a gap law by formula, relative; cosines along the stroke
+LAW_ROWS, LAW_ENDS = 201, 0.2  # of a table of it, and how far it goes beyond the stops, in strokes
 QUANTILES = 200  # of flux linkages
 STIFF, SOFT = 0.15, 0.5  # first guesses of stops: angular frequency of the mover there by the step, damping [s/m]
 SHARP, BENT = 10.0, 0.9  # first guess of the exponent, and share of saturation at which the knee stays
 SHARES = (0.25, 0.5, 1.0)  # of each record that is used, one after the other
 PIECES, ROUGH = np.linspace(0.01, 1.0, 100).tolist(), 1e-3  # the same, of many minima, and the fall with which they end
+AS_BEFORE, LOST = 1.05, 25.0  # squares that a sample of a piece leaves, over those of the last one; and at most
 
 
 class Commissioned(NamedTuple):
@@ -278,8 +282,9 @@ def commission(
 ) -> Commissioned:
     """Parameters that explain records, near those that are known.
 
-    `doubts` are the deviations of fields that were assumed: they are sought with all else, for what is as uncertain
-    makes all that goes with it uncertain.
+    More is sought where the usual numbers do not explain the records, and is kept if it does.  `doubts` are the
+    deviations of fields that were assumed: they are sought with all else, for what is as uncertain makes all that goes
+    with it uncertain.
     """
     drives = [read_excitation(record, known) for record in records]
     par, doubts = with_bend(known), doubts or {}
@@ -287,10 +292,9 @@ def commission(
     every = Problem(par, names, drives, doubts=doubts)
     found = search(every, progress)
     for more in ((), STOPS):
-        if found.is_explained or any(d.is_too_fast for d in drives):
-            break
-        richer = search(with_more(every, more), progress, PIECES, ROUGH)
-        found = richer if richer.misfit < HELPS * found.misfit else found
+        if not found.is_explained and not any(d.is_too_fast for d in drives):
+            richer = search(with_more(every, more), progress, in_pieces=True)
+            found = richer if richer.is_explained else found
     return found
 
 
@@ -307,18 +311,25 @@ def with_more(p: Problem, more: Sequence[str]) -> Problem:
     )
 
 
-def search(
-    every: Problem, progress: Progress, shares: Sequence[float] = SHARES, enough: float = ENOUGH
-) -> Commissioned:
-    """What explains the records, from what is believed on, by ever larger shares of them."""
-    x, steps = np.zeros(every.deviations.size), 0
+def search(every: Problem, progress: Progress, in_pieces: bool = False) -> Commissioned:
+    """What explains the records, from what is believed on, by ever larger shares of them.
+
+    In pieces it ends where one is not explained, and takes no step where one is by what was found before.
+    """
+    x, steps, last, shares = np.zeros(every.deviations.size), 0, 0.0, PIECES if in_pieces else SHARES
     for k, share in enumerate(shares):
         progress(k, len(shares) + 1)
         free = [j for j, name in enumerate(every.names) if k or name in ELECTRIC]
-        part = every._replace(names=[every.names[j] for j in free], drives=[d.shortened(share) for d in every.drives])
-        at = np.array([*free, *places_sought(every.drives, part.drives, len(every.names))])
-        found = minimise(part, x[at], LONGEST, enough if share < 1.0 else ENOUGH)
-        x[at], steps = found.point, steps + found.steps
+        parts = [d.counted(share) if in_pieces else d.shortened(share) for d in every.drives]
+        part = every._replace(names=[every.names[j] for j in free], drives=parts)
+        at = np.array([*free, *places_sought(every.drives, parts, len(every.names))])
+        count = sum(np.count_nonzero(d.weights) for d in parts)
+        if in_pieces and share < 1.0 and (part.residuals([x[at]]) ** 2).sum() < AS_BEFORE * last * count:
+            continue
+        found = minimise(part, x[at], LONGEST, ROUGH if in_pieces and share < 1.0 else ENOUGH)
+        x[at], steps, last = found.point, steps + found.steps, float(found.residuals @ found.residuals) / count
+        if in_pieces and last > LOST:
+            break
     progress(len(shares), len(shares) + 1)
     return conclude(*in_step(every, x), steps)
 
@@ -361,6 +372,9 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
     models = [simulate(found.known, *of_record, found.beyond) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
+    if "gap_window" in p.names and p.beyond != USUAL and all(r.is_explained for r in residuals):
+        moved = np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(p, x).T)[:n]
+        covariance += moved @ moved.T
     return Commissioned(
         parameters=found.known,
         beyond=found.beyond,
@@ -418,6 +432,27 @@ def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
     )
     room = np.log(saturation / lam.max() - 1.0)
     return found, rms(left(np.array([at[0], at[1], room]), np.zeros(3)))
+
+
+def law_errors(p: Problem, x: Vector) -> Matrix:
+    """What a gap law that is not quite that of the formula does to the residuals of all records (shapes, residuals)."""
+    par = parameters_at(p, x)
+    low, high = float(par.known.stop_lower), float(par.known.stop_upper)
+    gaps = np.linspace(low - LAW_ENDS * (high - low), high + LAW_ENDS * (high - low), LAW_ROWS)
+    gaps, law = gaps[gaps > SMALLEST_GAP], make_gap(par.known)
+    R = par.known.coil_turns**2 * np.array([gap_law(h, law)[0] for h in gaps.tolist()])
+
+    def residuals_with(changed: Vector) -> Vector:
+        columns = (gaps, changed, CubicSpline(gaps, changed)(gaps, 2))
+        table = dict(zip(("gap_file_gap", "gap_file_reluctance", "gap_file_spline"), (c.tolist() for c in columns)))
+        known = par.known._replace(gap_law=float(GapLaw.table), **table)
+        places = zip(p.drives, p.places(x))
+        runs = [d.weights * simulate(known, d, at, beyond=par.beyond).current for d, at in places]
+        return np.concatenate(runs)
+
+    shapes = [np.cos(k * np.pi * (gaps - low) / (high - low)) for k in range(1, LAW_SHAPES + 1)]
+    at = residuals_with(R)
+    return LAW_ERROR * np.array([(residuals_with(R * (1.0 + STEP * shape)) - at) / STEP for shape in shapes])
 
 
 def position_error(result: Commissioned) -> float:

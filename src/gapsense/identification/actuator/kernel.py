@@ -57,7 +57,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Without flux, on the stop to which the spring pushes, as deep in it as that takes."""
     m, known, k = _model(par), par.known, par.beyond.stop_stiffness
     z = clip(m.d.rest, known.stop_lower, known.stop_upper)
-    z = z + m.stiffness * (m.d.rest - z) / (m.stiffness + k) * where(k > 0.0, 1.0, 0.0)
+    z = z + where(k > 0.0, m.stiffness * (m.d.rest - z), 0.0) / where(k > 0.0, m.stiffness + k, 1.0)
     at = point(0.0, 0.0, z, 0.0, inputs.voltage, _touching(z, 0.0, m, par))
     return at, Outputs(0.0, at.flux_linkage, at.position)
 
