@@ -214,11 +214,11 @@ def gap_at(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     return gap(z, m.gap, m.d.gap, m.d.bend)[:2]
 
 
-def core(lam: Scalar, of: Model) -> tuple[Scalar, Scalar, Scalar]:
+def core(lam: Scalar, d: Device, exponent: Scalar = 0.0) -> tuple[Scalar, Scalar, Scalar]:
     """The share m of saturation, S(m) and S'(m)."""
-    m = lam / of.d.saturation
+    m = lam / d.saturation
     size = fabs(m)
-    S, slope = cond(of.exponent > 0.0, lambda: _power(size, of.exponent), lambda: _knee(size))
+    S, slope = cond(exponent > 0.0, lambda: _power(size, exponent), lambda: _knee(size))
     return m, where(m < 0.0, -S, S), slope
 
 
@@ -264,7 +264,7 @@ def pull(z: Scalar, lam: Scalar, slope: Scalar, m: Model) -> Scalar:
 
 def magnetomotive(lam: Scalar, h: Scalar, R: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     """The force f (1) [A] and df/dlambda [1/H]."""
-    share, S, slope = core(lam, m)
+    share, S, slope = core(lam, m.d, m.exponent)
     f = (R + m.d.core) * lam + m.d.knee * S + h * (1.0 + share * share)
     return f, R + m.d.core + (m.d.knee * slope + 2.0 * h * share) / m.d.saturation
 
@@ -389,7 +389,7 @@ def differentiate(
 def partials(p: Point, e: Electric, m: Model) -> tuple[Array, Array]:
     """Of R i - g_e dlambda/dt + f and of the acceleration by the corrections in a given state; (12,), the last 0."""
     d, lam = m.d, p.flux_linkage
-    share, S, slope = core(lam, m)
+    share, S, slope = core(lam, d, m.exponent)
     more, steeper, _ = bump(p.position, m.gap)
     half = -0.5 * lam * lam / d.mass
     drive = NOTHING._replace(
