@@ -387,12 +387,20 @@ class Checker:
                     yield f"components.{name}: nothing drives `{port}`. Connect it or list it in `[inputs]`{start}."
 
     def loops(self) -> Iterator[str]:
-        """No loop of direct feedthrough."""
+        """No loop of direct feedthrough, or one of components that can repeat their steps."""
         known = [c for c in self.scenario.connections if self.variable(c.source) and self.variable(c.target)]
         try:
-            execution_order([n for n in self.scenario.components if n in self.descriptions], known, self.descriptions)
+            names = [name for name in self.scenario.components if name in self.descriptions]
+            order = execution_order(names, known, self.descriptions, self.scenario.experiment.method)
         except FeedthroughCycleError as error:
             yield f"connections: {error}"
+            return
+        for name in (name for loop in order.loops for name in loop if not self.descriptions[name].can_return):
+            yield (
+                f"components.{name}.fmu: `{self.descriptions[name].path.name}` cannot save its state "
+                "(canGetAndSetFMUstate), and it is in a loop, which `iterative` repeats from saved states. Export it "
+                "with that, or take it out of the loop with `delayed = true` in `[[connections]]`."
+            )
 
 
 # Signals that inputs follow against the variables of these inputs and the time of the run.
@@ -707,7 +715,8 @@ def unmatched(patterns: Iterable[str], names: Iterable[str], place: str) -> Iter
 def metric_problems(metric: Metric, recorded: Mapping[str, Variable], descriptions: Descriptions) -> Iterator[str]:
     """Problems of one metric: signals recorded, reference known, times in seconds, units equal."""
     place = f"metrics.{metric.name}"
-    for key, signal in {"signal": metric.signal, "where": metric.where, "time": metric.time}.items():
+    flows = {f"flows[{k}]": flow for k, flow in enumerate(metric.flows or ())}
+    for key, signal in {"signal": metric.signal, "where": metric.where, "time": metric.time, **flows}.items():
         if signal is not None and signal not in recorded:
             yield f"{place}.{key}: {not_recorded(signal, recorded, descriptions)}"
     units = {name: variable.unit for name, variable in recorded.items() if variable.unit}
@@ -720,6 +729,12 @@ def metric_problems(metric: Metric, recorded: Mapping[str, Variable], descriptio
     target = recorded.get(name) or (None if is_axis else parameter(name, descriptions))
     if target is None:
         yield f"{place}.reference: {not_recorded(name, recorded, descriptions)}"
+    elif metric.flows and len({(units.get(n), units.get(f)) for n, f in zip((metric.signal, name), metric.flows)}) > 1:
+        ends = [
+            f"{n} [{units.get(n, '')}] and {f} [{units.get(f, '')}]"
+            for n, f in zip((metric.signal, name), metric.flows)
+        ]
+        yield f"{place}: {' at one end, '.join(ends)} at the other: units differ. Correct the signals."
     elif target.unit and not is_axis and units.get(metric.signal, target.unit) != target.unit:
         pair = f"{metric.signal} [{units[metric.signal]}] is compared with {name} [{target.unit}]"
         yield f"{place}: {pair}: units differ. Correct the reference."

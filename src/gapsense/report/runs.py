@@ -101,13 +101,20 @@ def timing(result: Result) -> Table:
     """Time of each component, and the whole run against real time."""
     span = result.times[-1] - result.times[0]
     title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
-    if result.run.versions.get("loop", "C") != "C":
+    if result.run.versions.get("loop", "C") != "C" and result.run.method != "iterative":
         title += f"\n{WITHOUT_C}"
     rows = (
         (name, str(t.calls), *per_step(t), f"{100 * t.seconds / result.wall:.0f} %")
         for name, t in result.timing.items()
     )
     return table(title, ("component", "steps", "us per step", "median", "longest", "share"), rows)
+
+
+def loops(result: Result) -> list[Table]:
+    """How often the loops were evaluated that are solved in every step."""
+    rows = [(n, str(i.steps), three(i.mean), str(i.most), quantity(i.at, "s")) for n, i in result.run.loops.items()]
+    heads = ("loop of", "steps", "mean", "most", "at")
+    return [table("Evaluations of loops, per step", heads, rows)] if rows else []
 
 
 def per_step(of: Timing) -> tuple[str, str, str]:

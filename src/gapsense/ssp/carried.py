@@ -9,6 +9,7 @@ from gapsense.cosim.scenario.read import Document
 from gapsense.cosim.scenario.records import Component, Scenario
 from gapsense.problems import listing
 
+OF_CONNECTIONS = ("delayed", "mean")
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events", "page")  # as the file has them
 OF_COMPONENTS = ("step", "offset", "isolation")
 LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
@@ -27,12 +28,12 @@ def carried(scenario: Scenario, document: Document) -> dict[str, Any]:
         }
         for port, signal in scenario.played.items()
     }
-    delayed = [
-        {"from": str(link.source), "to": str(link.target), "delayed": True}
+    links = [
+        {"from": str(link.source), "to": str(link.target), **own}
         for link in scenario.connections
-        if link.delayed
+        if (own := {key: True for key in OF_CONNECTIONS if getattr(link, key)})
     ]
-    parts = {"components": components, "inputs": played, "seeds": dict(scenario.seeds), "connections": delayed}
+    parts = {"components": components, "inputs": played, "seeds": dict(scenario.seeds), "connections": links}
     return {**tables, **{name: part for name, part in parts.items() if part}}
 
 

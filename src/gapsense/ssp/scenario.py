@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element as Xml
 from gapsense.cosim.fmu.archive import shown
 from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.problems import listing, suggest
-from gapsense.ssp.carried import OF_COMPONENTS, WHOLE
+from gapsense.ssp.carried import OF_COMPONENTS, OF_CONNECTIONS, WHOLE
 from gapsense.ssp.structure import SINKS, Connector, Element, Link, Path
 from gapsense.ssp.units import Line, Units, conversion
 from gapsense.ssp.values import Given, Node
@@ -109,15 +109,15 @@ class Maker:
         """Connection to an input."""
         path, output = way.source
         source = f"{self.names[path]}.{output}"
-        delayed = {"delayed": True} if (source, target) in self.told.delayed() else {}
+        own = self.told.links().get((source, target), {})
         gives = self.descriptions[path].variables.get(output)
         is_other = bool(gives and gives.unit and variable.unit and gives.unit != variable.unit)
-        if way.line == Line() and not is_other and not delayed:
+        if way.line == Line() and not is_other and not own:
             self.connect[target] = source
             return
         converts = {"factor": way.line.factor, "bias": way.line.offset} if way.line != Line() or is_other else {}
         unit = {"unit": variable.unit} if converts and variable.unit else {}
-        self.connections.append({"from": source, "to": target, **converts, **unit, **delayed})
+        self.connections.append({"from": source, "to": target, **converts, **unit, **own})
 
     def parameter(self, node: Node, variable: Variable) -> Value | None:
         """Value of a parameter or another variable that has a start value, or None if it keeps its own."""
@@ -272,11 +272,15 @@ class Told:
         found = {name: one for name, one in self.table("inputs").items() if isinstance(one, dict)}
         return {name: {key: one[key] for key in SIGNAL if key in one} for name, one in found.items()}
 
-    def delayed(self) -> set[tuple[str, str]]:
-        """Source and target of connections that carry the value of one step before."""
+    def links(self) -> dict[tuple[str, str], dict[str, bool]]:
+        """What connections are beside their source and target: delayed, or means."""
         links = self.own.get("connections")
         found = [link for link in links if isinstance(link, dict)] if isinstance(links, list) else []
-        return {(str(link.get("from")), str(link.get("to"))) for link in found if link.get("delayed") is True}
+        return {
+            (str(link.get("from")), str(link.get("to"))): own
+            for link in found
+            if (own := {key: True for key in OF_CONNECTIONS if link.get(key) is True})
+        }
 
     def rest(self) -> Mapping[str, Any]:
         """Events, record, metrics and what a page shows."""

@@ -280,6 +280,8 @@ class Description:
     feedthrough: Mapping[str, frozenset[str]]  # inputs each output depends on directly; all where the FMU is silent
     is_single: bool = False  # a process can hold only one instance
     can_save: bool = False  # get, set and serialise its state
+    can_return: bool = False  # get and set its state, so that it can repeat a step
+    can_interpolate: bool = False  # takes slopes of its Real inputs
     fmi: int = 2  # version
     rules: Component | None = None  # that it states for its parameters
     step_size: float | None = None  # of its default experiment [s]
@@ -360,7 +362,9 @@ def read_anew(path: Path, sizes: Mapping[str, int], digest: str) -> Description:
         variables=variables,
         feedthrough=feedthrough(model, variables),
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
+        can_return=bool(model.coSimulation.canGetAndSetFMUstate),
         can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
+        can_interpolate=bool(getattr(model.coSimulation, "canInterpolateInputs", False)),
         fmi=int(model.fmiVersion[0]),
         rules=rules,
         step_size=step_size(model),

@@ -52,6 +52,21 @@ class Timing:
 
 
 @dataclass(frozen=True)
+class Iterations:
+    """How often a loop was evaluated to solve it, in how many steps."""
+
+    steps: int
+    evaluations: int
+    most: int  # of them in one step
+    at: float  # end of that step [s]
+
+    @property
+    def mean(self) -> float:
+        """Evaluations per step."""
+        return self.evaluations / self.steps
+
+
+@dataclass(frozen=True)
 class Run:
     """What was run and how: enough to repeat it, and to tell it from another."""
 
@@ -77,6 +92,7 @@ class Run:
     direct: tuple[str, ...] = ()  # connections to inputs with direct feedthrough
     remarks: tuple[str, ...] = ()  # on what falls between its steps
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
+    loops: Mapping[str, Iterations] = field(default_factory=dict)  # by the components that repeat steps together
 
 
 @dataclass(frozen=True, repr=False)
@@ -222,6 +238,7 @@ def read_result(path: str | Path) -> Result:
     units = {**TIME, **{name: signal["unit"] for name, signal in data["signals"].items()}}
     columns, about = read_columns(path, units, content), data["run"]
     about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct", "remarks") if name in about}
+    about["loops"] = {name: Iterations(**item) for name, item in about.get("loops", {}).items()}
     return Result(
         run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
         times=columns.pop("time"),
@@ -301,13 +318,27 @@ def window(metric: Metric, result: Result) -> Window:
 def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
     """One metric over its samples."""
     kind, signal, other = KINDS[metric.kind], result[metric.signal][samples.rows], reference(metric, result, samples)
-    arguments = (signal, other) if kind.reference == "axis" else (signal - other,)
+    arguments: tuple[Vector | float, ...] = (signal, other) if kind.reference == "axis" else (signal - other,)
+    if kind.takes_flows:
+        names = (metric.signal, str(metric.reference), *(metric.flows or ()))
+        arguments = tuple(held(result, name)[samples.rows] for name in names)
     if kind.takes_times:
         begin = window(metric, result)[0]
         arguments = (*arguments, samples.times - (result.run.start if begin is None else begin))
     value = kind.compute(*arguments) if signal.size else math.nan
     shown = (metric.description, metric.published, metric.table, metric.label)
     return Measured(metric.name, value, unit_of(metric, units), metric.bounds, *shown)
+
+
+def held(result: Result, name: str) -> Vector:
+    """Values of a signal as they were in the steps that end at the rows: with Jacobi a row has the next inputs."""
+    values = result[name]
+    return np.concatenate((values[:1], values[:-1])) if is_late(result, name) else values
+
+
+def is_late(result: Result, name: str) -> bool:
+    """True if the value that a signal had in a step stands in the row where the step begins."""
+    return result.run.method == "jacobi" and result.about[name].causality == "input"
 
 
 def within(window: Window, times: Vector, slack: float) -> npt.NDArray[np.bool_]:
@@ -343,4 +374,4 @@ def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
         return f"{units.get(metric.signal, '')}.{units.get(str(metric.reference), '')}"
     if KINDS[metric.kind].takes_times:
         return "s"
-    return "" if metric.kind == "fraction" else units.get(metric.signal, "")
+    return "" if metric.kind in ("fraction", "bond") else units.get(metric.signal, "")

@@ -17,6 +17,7 @@ from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
 from gapsense.cosim.fmu.remote import RemoteInstance
 from gapsense.cosim.run.events import Director, explained
+from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer, language
 from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, place, player
 from gapsense.cosim.run.recording import (
@@ -36,7 +37,7 @@ from gapsense.cosim.run.recording import (
     shape,
     varied_events,
 )
-from gapsense.cosim.scenario.records import Experiment, Port, Scenario, ports, texts
+from gapsense.cosim.scenario.records import ITERATIVE, Experiment, Port, Scenario, ports, texts
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -70,7 +71,9 @@ class Master:
         self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = self.subject.order
-        self.places = Layout(ports(descriptions), texts(descriptions), self.subject.resolved(scenario.events))
+        delayed = self.order.delayed if scenario.experiment.method == ITERATIVE else ()
+        self.places = Layout(ports(descriptions), texts(descriptions), self.subject.resolved(scenario.events), delayed)
+        self.loops = [tuple(map(self.order.names.index, loop)) for loop in self.order.loops]
         self.buffer = array("d", [0.0]) * self.places.size
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
@@ -103,6 +106,10 @@ class Master:
             self.marks[COMPONENT] = number
             yield item
         self.marks[COMPONENT] = MASTER
+
+    def touch(self, part: Part) -> None:
+        """Mark that a part is touched."""
+        self.marks[COMPONENT] = self.parts.index(part) + 1
 
     def adopt(self, scenario: Scenario, descriptions: Descriptions) -> bool:
         """Run another scenario from now on, if that has the same FMUs, wired in the same way; else say no."""
@@ -144,7 +151,8 @@ class Master:
         step in which the mark STOP is set. The `keeper` has where to go on and when to save.
         """
         recording = recording or Recording(np.empty(shape(self.scenario, columns)))
-        recording.begun, recording.loop = perf_counter(), language()
+        is_iterative = self.scenario.experiment.method == ITERATIVE
+        recording.begun, recording.loop = perf_counter(), "Python" if is_iterative else language()
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
@@ -194,7 +202,12 @@ class Master:
             place(port, value, self.places, self.buffer, self.texts)
         self.player = player(self.scenario.played, self.places.inlets, experiment)
         self.player.into(self.view)(0)
-        for part in self.each(STARTING, self.parts):
+        self.places.remember(self.buffer, self.texts)
+        for number, part in enumerate(self.each(STARTING, self.parts)):
+            if loop := next((loop for loop in self.loops if number in loop), ()):
+                if number == loop[0]:
+                    start_loop([self.parts[i] for i in loop], experiment, self.touch)
+                continue
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
@@ -275,6 +288,7 @@ class Master:
                 marks=marks,
                 begin=begin,
                 watches=self.director.watches,
+                loops=self.loops,
             )
         )
 

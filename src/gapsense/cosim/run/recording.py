@@ -87,6 +87,10 @@ class Recording:
     error: FmuError | None = None
     loop: str = "C"  # language of the loop over base steps
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
+    # Of each loop that is iterated: steps, evaluations, most of them in a step and in which; its inverse Jacobian.
+    loops: dict[str, list[int]] = field(default_factory=dict)
+    inverses: dict[str, list[list[float]]] = field(default_factory=dict)
+    inputs: dict[str, list[float]] = field(default_factory=dict)  # at the last step of components that interpolate
 
     def start(self, parts: int) -> Recording:
         """Begin to count the steps of so many components."""
@@ -189,7 +193,7 @@ class Subject:
     @cached_property
     def order(self) -> Order:
         """In which the components act."""
-        return execution_order(list(self.scenario.components), self.scenario.connections, self.descriptions)
+        return order_of(self.scenario, self.descriptions)
 
     def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
         """Events with one target each, and with values as FMI takes them."""
@@ -267,6 +271,12 @@ def varied_events(
     return varied(events, values, problems)
 
 
+def order_of(scenario: Scenario, descriptions: Descriptions) -> Order:
+    """Order in which the components of a scenario act."""
+    method = scenario.experiment.method
+    return execution_order(list(scenario.components), scenario.connections, descriptions, method)
+
+
 def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
     """True if an output of the target depends directly on what the connection carries."""
     return connection.target.variable in descriptions[connection.target.component].direct_inputs
@@ -308,9 +318,9 @@ def finished(subject: Subject, take: Take, recording: Recording) -> Result:
 
 def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
     """Result of a recording, without metrics."""
-    from gapsense.cosim.result.result import Result
+    from gapsense.cosim.result.result import Iterations, Result
 
-    overruns, lag = recording.overruns, recording.lag
+    overruns, lag, time = recording.overruns, recording.lag, subject.scenario.experiment.time
     return Result(
         run=replace(
             subject.run,
@@ -319,6 +329,7 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
             versions={**subject.run.versions, "loop": recording.loop},
             overruns=overruns,
             lag=lag,
+            loops={name: Iterations(n[0], n[1], n[2], time(n[3])) for name, n in recording.loops.items()},
             remarks=(*subject.run.remarks, *said(subject, recording)),
         ),
         times=times(subject.scenario, recording.rows),

@@ -127,7 +127,7 @@ class Content:
         targets : str
             Inputs.
         conversion : float, str or bool
-            `factor`, `bias`, `unit` and `delayed` as in `[[connections]]`.
+            `factor`, `bias`, `unit`, `delayed` and `mean` as in `[[connections]]`.
         """
         if not isinstance(source, str):
             for target, output in source.items():

@@ -431,7 +431,8 @@ class Reader:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
         read = grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
-        return replace(read, isolation=given["isolation"], step_limit=min(float(given["step_limit"]), LONGEST))
+        own = {key: given[key] for key in ("isolation", "loop_tolerance", "loop_evaluations", "inputs")}
+        return replace(read, **own, step_limit=min(float(given["step_limit"]), LONGEST))
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
@@ -668,7 +669,7 @@ def read_connection(table: Table) -> Connection | None:
     """One connection of the long form, or None if it lacks an end."""
     own = table.read(CONNECTION)
     source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
-    how = (own["factor"], own["bias"], own["unit"], own["delayed"])
+    how = (own["factor"], own["bias"], own["unit"], own["delayed"], own["mean"])
     return Connection(source, target, *how, place=table.place) if source and target else None
 
 
@@ -784,6 +785,11 @@ def read_metric(table: Table, name: str) -> Metric | None:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. `after` must be the smaller one.")
     if own["kind"] is None or own["signal"] is None or not reference_fits(table, own["kind"], own["reference"]):
         return None
+    count, expected = len(own["flows"] or ()), 2 if KINDS[own["kind"]].takes_flows else 0
+    if count != expected:
+        table.note("flows", f"{count} signals found, {expected} expected for `{own['kind']}`. Correct the list.")
+        return None
+    own["flows"] = tuple(own["flows"]) if own["flows"] else None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
     label = name if own["label"] is None else own["label"]
     return Metric(**{**own, "name": name, "bounds": span, "label": label})
