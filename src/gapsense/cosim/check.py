@@ -26,6 +26,7 @@ from gapsense.cosim.fmu.descriptions import (
     find_fmu,
     mended,
 )
+from gapsense.cosim.fmu.line import wrong_board
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, varied
 from gapsense.cosim.scenario.records import (
@@ -226,7 +227,7 @@ class Checker:
         sets = check_sets(self.scenario.components, self.descriptions)
         wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
         values = (self.values(), self.rules(), *wiring, self.events(), self.seeds(), self.grid())
-        for problem in chain(self.singles(), sets, *values):
+        for problem in chain(self.singles(), self.boards(), sets, *values):
             yield f"{self.scenario.path.name}, {problem}"
 
     def singles(self) -> Iterator[str]:
@@ -239,6 +240,21 @@ class Checker:
             if description.is_single and other != name:
                 remedy = f'Give `components.{name}` a process of its own: `isolation = "process"`.'
                 yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. {remedy}"
+
+    def boards(self) -> Iterator[str]:
+        """Boards: of a known kind, with a firmware where one is needed; a board has each of its components once."""
+        there: dict[tuple[str, str], str] = {}
+        for name, component in self.scenario.components.items():
+            problem = wrong_board(component.board, component.firmware) if component.board else ""
+            if component.firmware and not component.board:
+                problem = "firmware: it is for a `board`, which is missing. Add one."
+            if component.board and component.isolation == "process":
+                problem = "isolation: a board is apart already. Leave it out."
+            other = there.setdefault((component.board, component.fmu), name)
+            if component.board and other != name:
+                problem = f"board: `{other}` is on it with the same FMU. Give one of them another board."
+            if problem:
+                yield f"components.{name}.{problem}"
 
     def values(self) -> Iterator[str]:
         """Parameters: known, of the right type, within their limits; steps that fit the sample time."""

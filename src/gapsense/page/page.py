@@ -99,6 +99,10 @@ def refuse_unfit(subject: Subject) -> None:
     if foreign:
         found = f"these FMUs are not from this version: {', '.join(foreign)}"
         problems.append(f"{found}. A page is compiled of Gapsense's own components; build them with `gapsense build`.")
+    if on_boards := [f"`{name}`" for name, component in scenario.components.items() if component.board]:
+        problems.append(
+            f"{', '.join(on_boards)} run on boards, which a page cannot reach. Choose a variant without them."
+        )
     hissing = sum(len(plan.noisy(actor, scenario.experiment)) for actor in plan.actors(subject).values())
     if hissing > MOST_NOISE:
         found = f"its events have noise for {hissing} base steps, each with a number in the page, {MOST_NOISE} at most"

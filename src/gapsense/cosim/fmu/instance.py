@@ -375,6 +375,10 @@ class Instance:
         finally:
             self.call("fmi2FreeFMUstate", ctypes.byref(state))
 
+    def facts(self) -> dict[str, Any]:
+        """What a result tells of where it ran; nothing of an FMU here."""
+        return {}
+
     def close(self) -> None:
         """Free the instance and its library, unless it is dead."""
         if not self.is_dead:

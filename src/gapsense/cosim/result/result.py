@@ -77,6 +77,7 @@ class Run:
     direct: tuple[str, ...] = ()  # connections to inputs with direct feedthrough
     remarks: tuple[str, ...] = ()  # on what falls between its steps
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
+    boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of components on one: see `OnBoard.facts`
 
 
 @dataclass(frozen=True, repr=False)

@@ -86,6 +86,7 @@ class Recording:
     ended: str = ""  # by which components in an orderly way, before its stop or there
     error: FmuError | None = None
     loop: str = "C"  # language of the loop over base steps
+    boards: dict[str, Any] = field(default_factory=dict)  # what is told of each component on a board
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
 
     def start(self, parts: int) -> Recording:
@@ -320,6 +321,7 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
             overruns=overruns,
             lag=lag,
             remarks=(*subject.run.remarks, *said(subject, recording)),
+            boards=recording.boards,
         ),
         times=times(subject.scenario, recording.rows),
         signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
@@ -338,6 +340,10 @@ def said(subject: Subject, recording: Recording) -> Iterator[str]:
     """Sentences on what components did in the run that is no failure: the end of it, warnings."""
     if recording.ended:
         yield recording.ended
+    for name, board in recording.boards.items():
+        if board["repeated"]:
+            what = ", ".join(f"{count} x {trouble}" for trouble, count in board["repeated"].items())
+            yield f"`{name}`: requests to its board `{board['board']}` had to be repeated: {what}."
     from gapsense.cosim.fmu.instance import WARNING, summary
 
     for name, warnings, calls in zip(subject.run.order, recording.warnings, recording.calls):
