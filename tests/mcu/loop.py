@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import socket
 import subprocess
@@ -66,8 +67,8 @@ def built(folder: Path, target: str = "here") -> Path:
 
 
 def missing() -> list[str]:
-    """Programs that are not installed."""
-    return [tool for tool in ("make", "gcc") if shutil.which(tool) is None]
+    """Programs that are not installed, and a system that has boards."""
+    return [tool for tool in ("make", "gcc") if shutil.which(tool) is None] + ["Linux or macOS"] * (os.name != "posix")
 
 
 class Served:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import pty
 import subprocess
 from collections.abc import Callable
 from functools import partial
@@ -25,7 +24,7 @@ from gapsense.embedded.export import export
 from gapsense.report import runs
 from gapsense.report.table import text
 
-pytestmark = pytest.mark.skipif(bool(missing()), reason=f"{', '.join(missing())} not installed")
+pytestmark = pytest.mark.skipif(bool(missing()), reason=f"{', '.join(missing())} missing")
 COUNT = 200  # base steps
 Writer = Callable[..., Path]
 
@@ -170,7 +169,7 @@ def test_faults_act_on_it(double: Path, write: Writer, fmus: Path) -> None:
 
 
 def test_a_serial_port_is_a_line_too(double: Path, write: Writer, fmus: Path) -> None:
-    own, other = pty.openpty()
+    own, other = os.openpty()
     program = subprocess.Popen([str(double)], stdin=own, stdout=own)
     try:
         there = run(write(f"serial:{os.ttyname(other)}:921600"), fmus=fmus)
@@ -253,3 +252,34 @@ def test_a_board_of_the_user_is_kept(tmp_path: Path) -> None:
     (folder / "qemu.c").write_text("/* mine */\n")
     done = CliRunner().invoke(app, ["export-c", "semera", "--loop", "--out", str(folder)])
     assert done.exit_code == 2 and "qemu.c" in done.output
+
+
+DRIVE = """
+title = "A drive"
+[experiment]
+stop = 6e-3
+base_step = 30e-6
+[components.drive]
+fmu = "DriveVoltage"
+{more}
+[components.drive.set]
+waveform = "{waveform}"
+"square.period" = 1e-3
+"step.time" = 1.01e-3
+[inputs]
+"drive.enable" = 1.0
+"drive.reference" = 0.0
+"""
+
+
+@pytest.mark.parametrize("folder", [".", "fmi3"])
+def test_choices_and_tables_are_those_of_either_version_of_fmi(folder: str, natives: Path, tmp_path: Path) -> None:
+    """Also of a component that has no sample time."""
+    program, file, found = built(exported(tmp_path / "board", ["drive_voltage"])), tmp_path / "scenario.toml", []
+    with served(program) as board:
+        for waveform in ("square", "soft_landing", "step"):
+            for more in ("", f'board = "{board.board}"'):
+                file.write_text(DRIVE.format(more=more, waveform=waveform))
+                found.append(run(file, fmus=natives / folder))
+    assert all(same(there, here) for here, there in zip(found[::2], found[1::2]))
+    assert len({result["drive.voltage"].tobytes() for result in found}) == 3

@@ -138,8 +138,11 @@ class OnBoard(Instance):
 
     def send_parameters(self) -> None:
         """Give the board the numbers that the FMU has."""
-        given, rules = self.get_all(self.description.of("parameter")), self.description.rules
+        parameters, rules = self.description.of("parameter"), self.description.rules
+        given = self.get_all(parameters)
         made: dict[str, Any] = {name.replace(".", "_"): value for name, value in given.items()}
+        chosen = {v.name.replace(".", "_"): [*v.items.values()] for v in parameters if v.items}  # of FMI 3.0
+        made |= {name: items.index(made[name]) for name, items in chosen.items()}
         if rules:
             known = {port.name for port in rules.ports}
             own = {name: value for name, value in given.items() if name in known}

@@ -39,6 +39,8 @@ class BoardError(RuntimeError):
 
 def wrong_board(board: str, firmware: Path | None) -> str:
     """What is wrong with the place of a board, or nothing; the board itself is not asked."""
+    if os.name != "posix":
+        return "board: boards need Linux or macOS. Remove it."
     kind, _, place = board.partition(":")
     if kind not in ("qemu", "serial", "tcp") or not place:
         return f"board: `{board}` found, {PLACES}. Correct it."
@@ -139,7 +141,8 @@ def connected(place: str) -> socket.socket:
 
 def serial(place: str) -> int:
     """A serial port, opened: 8 bits, no parity, nothing changed on the way."""
-    import termios  # not on Windows
+    import fcntl  # these are not on Windows
+    import termios
     import tty
 
     device, _, last = place.rpartition(":")
@@ -148,6 +151,7 @@ def serial(place: str) -> int:
     if speed is None:
         raise ValueError(f"a serial port has no {baud} baud here")
     file = os.open(device, os.O_RDWR | os.O_NOCTTY)
+    fcntl.ioctl(file, termios.TIOCEXCL)  # a board answers one program
     tty.setraw(file)
     settings = termios.tcgetattr(file)
     settings[2] |= termios.CLOCAL

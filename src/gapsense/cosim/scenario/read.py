@@ -453,7 +453,7 @@ class Reader:
         layers.append((inline.where(), located_values(inline, self.path.parent)))
         layers.append((OVER, self.changes.parameters(name)))
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
-        firmware = self.path.parent / own["firmware"] if own["firmware"] else None
+        firmware = (self.path.parent / own["firmware"]).resolve() if own["firmware"] else None
         self.files += [firmware] if firmware and firmware.is_file() else []
         self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
         return Component(
