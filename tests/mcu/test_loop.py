@@ -17,12 +17,14 @@ from loop import built, exported, missing, served, written
 from typer.testing import CliRunner
 
 from gapsense.cli import app
-from gapsense.cosim import Checkpoint, FmuError, Result, check, read_result, run
+from gapsense.cosim import Checkpoint, FmuError, Result, check, prepare, read_result, run
 from gapsense.cosim.fmu.line import decoded, encoded
+from gapsense.cosim.run.recording import Subject
 from gapsense.embedded.design import designed
 from gapsense.embedded.export import export
 from gapsense.report import runs
 from gapsense.report.table import text
+from gapsense.vectors.engine import obstacle
 
 pytestmark = pytest.mark.skipif(bool(missing()), reason=f"{', '.join(missing())} missing")
 COUNT = 200  # base steps
@@ -90,11 +92,12 @@ class Bad:
 def test_lost_and_damaged_bytes_are_asked_for_again_and_told(double: Path, write: Writer, fmus: Path) -> None:
     to, back = Bad(1009), Bad(1511)
     with served(double, to, back) as board:
-        there = run(write(board), fmus=fmus, step_limit=2.0)
+        there = run(write(board), fmus=fmus)
     assert to.hit > 5 and back.hit > 5
     assert same(there, run(write(), fmus=fmus))
-    remark = next(remark for remark in there.run.remarks if "requests to its board" in remark)
-    assert "request damaged" in remark and "answer damaged" in remark
+    first, second = (remark for remark in there.run.remarks if "had to be repeated, the first at t = " in remark)
+    assert first.startswith("`sensor`: ") and second.startswith("`semera`: ")
+    assert "request damaged" in first + second and "answer damaged" in first + second
 
 
 def after(count: int, act: Callable[[], None] | None) -> Callable[[bytes], bytes]:
@@ -117,7 +120,7 @@ def test_a_board_that_fails_ends_the_run_with_all_rows(what: str, double: Path, 
         acts = {"silent": None, "reset": board.restart, "unplugged": board.unplug}
         board.to = after(120, acts[what])
         with pytest.raises(FmuError) as caught:
-            run(write(board), fmus=fmus, step_limit=0.8)
+            run(write(board), fmus=fmus, step_limit=4.0)
     error = caught.value
     words = {"silent": "cannot be asked", "reset": "has been reset", "unplugged": "the line was closed"}
     assert words[what] in str(error) and board.board in str(error)
@@ -232,6 +235,15 @@ def test_a_board_that_is_not_there_is_told(write: Writer, fmus: Path, tmp_path: 
     for board in ("tcp:127.0.0.1:1", f"serial:{tmp_path / 'tty'}"):
         with pytest.raises(FmuError, match=r"sensor: the board .* cannot be reached"):
             run(write(board), fmus=fmus)
+
+
+def test_vectors_and_packages_of_other_tools_know_no_boards(write: Writer, fmus: Path, tmp_path: Path) -> None:
+    path = write("tcp:127.0.0.1:1")
+    assert obstacle(Subject(*prepare(path, fmus=fmus))) == "A component is on a board (`board`)."
+    options = ["--fmus", str(fmus), "--out", str(tmp_path / "a.ssp")]
+    done = CliRunner().invoke(app, ["export-ssp", str(path), *options])
+    said = " ".join(done.output.split())
+    assert done.exit_code == 0 and "board of `sensor`, `semera`: it is left out; the FMU runs in its place." in said
 
 
 def test_a_page_refuses_it(write: Writer, fmus: Path, tmp_path: Path) -> None:

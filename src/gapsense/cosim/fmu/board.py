@@ -7,7 +7,6 @@ import json
 import struct
 from array import array
 from base64 import b64decode, b64encode
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -97,7 +96,8 @@ class OnBoard(Instance):
     def forget(self) -> None:
         """Begin to count and to compare."""
         self.counts, self.worst, self.largest = array("L"), np.zeros(len(self.found)), np.zeros(len(self.found))
-        self.link.troubles.clear()
+        self.repeated: dict[str, int] = {}  # requests by why
+        self.first: float | None = None  # time of the first one [s]
 
     # What the master calls.
 
@@ -152,18 +152,26 @@ class OnBoard(Instance):
             raise BoardError(f"has a parameter `{unknown[0]}`, which the FMU has not. Export its firmware again")
         self.period = float(given.get("sample_time", 0.0))
         numbers, fixed = (b"".join(self.bytes_of(made[n]) for n in names) for names in (self.numbers, self.fixed))
-        self.link.ask(SET, self.place, numbers + struct.pack("<I", crc32(fixed)))
+        self.ask(SET, numbers + struct.pack("<I", crc32(fixed)))
 
     def bytes_of(self, value: Any) -> bytes:
         """Numbers as the board has them."""
         return np.ravel(np.asarray(value, dtype=float)).astype(self.type).tobytes()
+
+    def ask(self, what: int, data: bytes, time: float | None = None) -> bytes:
+        """The answer of the board; notes how often it was asked in vain."""
+        answer = self.link.ask(what, self.place, data)
+        for trouble in self.link.troubles:
+            self.repeated[trouble] = self.repeated.get(trouble, 0) + 1
+            self.first = time if self.first is None else self.first
+        return answer
 
     def move_once(self, what: int, time: float, dt: float) -> None:
         """Give the board its inputs, let it start or step, take its outputs and the count."""
         self.fetch_inputs()
         own = iter(self.taken)
         values = [time if n == "time" else dt if n == "dt" else next(own) for n in self.inputs]
-        answer = self.link.ask(what, self.place, self.bytes_of(values))
+        answer = self.ask(what, self.bytes_of(values), time)
         self.found = np.frombuffer(answer, self.type, len(self.outputs)).astype(float)
         if what == STEP:
             self.counts.append(struct.unpack_from("<I", answer, len(answer) - 4)[0])
@@ -231,7 +239,7 @@ class OnBoard(Instance):
         try:
             self.send_parameters()
             for at in range(0, len(content), room):
-                self.link.ask(LOAD, self.place, struct.pack("<I", at) + content[at : at + room])
+                self.ask(LOAD, struct.pack("<I", at) + content[at : at + room])
         except BoardError as error:
             raise self.error(error) from error
         self.found = np.array(found)
@@ -240,8 +248,9 @@ class OnBoard(Instance):
 
     def facts(self) -> dict[str, Any]:
         """How long its steps took, what memory it uses, how far it was from the FMU; of JSON."""
-        with suppress(BoardError):
-            self.link.hello()
+        if not self.link.is_lost:
+            with suppress(BoardError):
+                self.link.hello()
         counts = np.array(self.counts, dtype=float)
         took = [float(x) for x in (counts.mean(), np.quantile(counts, 0.99), counts.max())] if counts.size else []
         names = zip(self.outputs, self.worst.tolist(), self.largest.tolist())
@@ -258,7 +267,8 @@ class OnBoard(Instance):
             "ram": self.link.ram,
             "flash": self.link.flash,
             "difference": {name: [worst, largest] for name, worst, largest in names},
-            "repeated": dict(Counter(self.link.troubles)),
+            "repeated": self.repeated,
+            "first": self.first,
         }
 
 

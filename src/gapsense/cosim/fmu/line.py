@@ -212,7 +212,8 @@ class Link:
     def __init__(self, board: str, firmware: Path | None, limit: float) -> None:
         self.waits = [min(wait, limit / 8.0) for wait in WAITS]
         self.line, self.sequence, self.came = Line(board, firmware), 0, b""
-        self.troubles: list[str] = []  # of the requests that had to be repeated
+        self.troubles: list[str] = []  # of the last request, for which it had to be repeated
+        self.is_lost = False  # there is nobody to ask any more
         try:
             self.line.write(b"\0")  # the end of what another program may have begun
             self.hello()
@@ -229,19 +230,21 @@ class Link:
 
     def ask(self, what: int, component: int = 0, data: bytes = b"") -> bytes:
         """The data of the answer; a BoardError if there is none, or if it is no."""
-        self.sequence = (self.sequence + 1) & 0xFFFF
+        self.sequence, self.is_lost = (self.sequence + 1) & 0xFFFF, True
+        self.troubles.clear()
         message = encoded(packed(what, component, self.sequence, data))
         for wait in self.waits:
             self.line.write(message)
             answer = self.answer(wait)
             if answer is not None:
                 result, found = answer
+                self.is_lost = False
                 if result != DONE:
                     raise BoardError(REASONS.get(result, f"answers with {result}, which is unknown"))
                 return found
             message = b"\0" + message.lstrip(b"\0")
-        tried, seen = f"{len(self.waits)} times within {sum(self.waits):g} s", self.troubles[-len(self.waits) :]
-        raise BoardError(f"cannot be asked, tried {tried}: {', '.join(dict.fromkeys(seen))}")
+        tried = f"{len(self.waits)} times within {sum(self.waits):g} s"
+        raise BoardError(f"cannot be asked, tried {tried}: {', '.join(dict.fromkeys(self.troubles))}")
 
     def answer(self, wait: float) -> tuple[int, bytes] | None:
         """Result and data of the answer to the last request, or None with the trouble noted."""

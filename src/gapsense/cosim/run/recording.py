@@ -343,7 +343,8 @@ def said(subject: Subject, recording: Recording) -> Iterator[str]:
     for name, board in recording.boards.items():
         if board["repeated"]:
             what = ", ".join(f"{count} x {trouble}" for trouble, count in board["repeated"].items())
-            yield f"`{name}`: requests to its board `{board['board']}` had to be repeated: {what}."
+            first = "" if board["first"] is None else f", the first at t = {board['first']:.9g} s"
+            yield f"`{name}`: requests to its board `{board['board']}` had to be repeated{first}: {what}."
     from gapsense.cosim.fmu.instance import WARNING, summary
 
     for name, warnings, calls in zip(subject.run.order, recording.warnings, recording.calls):
