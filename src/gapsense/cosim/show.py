@@ -43,3 +43,18 @@ def sweep_html(line: str, quantiles: Mapping[str, Sequence[float]], units: Mappi
     from gapsense.report import pages
 
     return pages.of_sweep(line, quantiles, units)
+
+
+def convergence_text(found: Any) -> str:
+    """What a study of the base step has found, as the command prints it."""
+    from gapsense.report import convergence
+    from gapsense.report.table import text
+
+    return text(*convergence.shown(found))
+
+
+def convergence_figure(found: Any) -> Any:
+    """Figure of the errors over the base step."""
+    from gapsense.report import convergence
+
+    return convergence.figure(found)
