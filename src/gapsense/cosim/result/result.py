@@ -93,6 +93,7 @@ class Run:
     remarks: tuple[str, ...] = ()  # on what falls between its steps
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
     loops: Mapping[str, Iterations] = field(default_factory=dict)  # by the components that repeat steps together
+    boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of components on one: see `OnBoard.facts`
 
 
 @dataclass(frozen=True, repr=False)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 Self = TypeVar("Self", bound="Content")
+KEYS = ("step", "offset", "parameters", "board", "firmware", "clock")  # of a component, beside what it is given
 UNFIT = re.compile(r"[^\w .-]")  # for the name of a file
 
 
@@ -105,11 +106,12 @@ class Content:
         values : mapping, optional
             Parameters, constant inputs and the seed by name, as for `set`.
         more
-            The same where the name has no dots; `step`, `offset` and `parameters` are the keys of `[components.NAME]`.
+            The same where the name has no dots; `step`, `offset`, `parameters`, `board`, `firmware` and `clock` are
+            the keys of `[components.NAME]`.
         """
         if name in self.components:
             raise ScenarioError([f"{self.path.name}: there is a component `{name}` already. Choose another name."])
-        own = {key: plain(more.pop(key)) for key in ("step", "offset", "parameters") if key in more}
+        own = {key: plain(more.pop(key)) for key in KEYS if key in more}
         self.components[name] = {"fmu": Path(fspath(fmu)).as_posix(), **own}
         given: dict[str, Any] = {**(values or {}), **more}
         for variable, value in flattened(plain(given)):

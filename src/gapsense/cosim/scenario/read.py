@@ -454,6 +454,8 @@ class Reader:
         layers.append((inline.where(), located_values(inline, self.path.parent)))
         layers.append((OVER, self.changes.parameters(name)))
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
+        firmware = (self.path.parent / own["firmware"]).resolve() if own["firmware"] else None
+        self.files += [firmware] if firmware and firmware.is_file() else []
         self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
         return Component(
             name=name,
@@ -464,6 +466,9 @@ class Reader:
             origin={name: place for place, name, _ in given},
             sets=sets,
             isolation=own["isolation"],
+            board=own["board"] or "",
+            firmware=firmware,
+            clock=own["clock"],
         )
 
     def seeds(self, table: Table) -> dict[str, int]:

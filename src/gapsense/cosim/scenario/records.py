@@ -66,6 +66,9 @@ class Component:
     origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
     sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)  # names in its parameter sets, see `taken`
     isolation: str = "none"  # or the instance is in a process of its own
+    board: str = ""  # on which it runs, as `cosim/fmu/line.py` reads it; the FMU goes along
+    firmware: Path | None = None  # for a board that is emulated
+    clock: float | None = None  # of the board [Hz]
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from gapsense.report.html.curves import SIGMAS, Curve, Panel, Strip, most
 from gapsense.report.html.figures import Axes, Drawn
 from gapsense.report.html.subject import Regression, Shown, regression
 from gapsense.report.html.wiring import picture
-from gapsense.report.runs import per_step
+from gapsense.report.runs import BOARD, board_rows, per_step
 from gapsense.report.table import quantity
 from gapsense.units import QUANTITIES
 
@@ -73,6 +73,7 @@ def chapter_of_run(shown: Shown, key: str) -> Chapter:
         "share": share,
         "status": status,
         "per_step": per_step,
+        "boards": (BOARD, board_rows(result)),
     }
     return Chapter(
         key=key,
