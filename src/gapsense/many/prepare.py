@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import fingerprint
-from gapsense._os.files import SHOWN
+from gapsense._os.files import SHOWN, fingerprint
 from gapsense.cosim.check import check_scenario, find_fmus, read_descriptions, taken, unmatched
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.run.ahead import AUTO

@@ -16,13 +16,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import SEAL, is_sealed, sealed
 from gapsense._os.files import (
+    SEAL,
     Columns,
+    is_sealed,
     prepared,
     read_json,
     refuse_unwritable,
     rename,
+    sealed,
     sha256,
     write_columns,
     write_json,
@@ -33,14 +35,13 @@ from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.result.result import Measure
 from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
-from gapsense.cosim.run.ahead import AUTO, FMU
+from gapsense.cosim.run.ahead import AUTO, FMU, runs_ahead
 from gapsense.cosim.run.engines import folder_of, refuse_unknown
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
 from gapsense.cosim.show import frame, sweep_html
-from gapsense.many.ahead import runs_ahead
 from gapsense.many.columns import ENDED, columns_of, kind
 from gapsense.many.execute import Done, complete
 from gapsense.many.plan import Plan

@@ -23,8 +23,7 @@ from time import time
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring, tostring
 
-from gapsense._os.checked import fingerprint
-from gapsense._os.files import sha256, state
+from gapsense._os.files import fingerprint, sha256, state
 from gapsense._os.locks import FACTS, cache_folder
 from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
 from gapsense.fmi import ports

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import sealed
-from gapsense._os.files import prepared, read_columns, rename, sha256, write_columns, write_json
+from gapsense._os.files import prepared, read_columns, rename, sealed, sha256, write_columns, write_json
 from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
 from gapsense.cosim.scenario.records import Metric, Span

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 from uuid import UUID
 
 from gapsense.fmi import package
-from gapsense.fmi.fmi3.constants import arrays_c, shapes
-from gapsense.fmi.fmi3.variables import Variable, variables
+from gapsense.fmi.fmi3.variables import Variable, arrays_c, shapes, variables
 from gapsense.fmi.native import SOURCES, headers
 from gapsense.fmi.native.headers import literal
 from gapsense.fmi.native.platforms import FLAGS, PLATFORMS, SMALL

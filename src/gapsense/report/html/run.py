@@ -12,9 +12,8 @@ from gapsense.cosim import Measured, Result
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.records import Metric
 from gapsense.report.html import curves, figures, style
-from gapsense.report.html.chapter import Chapter, Verdict, limits
 from gapsense.report.html.curves import SIGMAS, Curve, Panel, Strip, most
-from gapsense.report.html.figures import Axes, Drawn
+from gapsense.report.html.figures import Axes, Chapter, Drawn, Verdict, limits
 from gapsense.report.html.subject import Regression, Shown, regression
 from gapsense.report.html.wiring import picture
 from gapsense.report.runs import per_step

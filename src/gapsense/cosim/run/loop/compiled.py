@@ -8,8 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from gapsense._os.native import structures
 from gapsense._os.processes import MARKS
-from gapsense._os.structures import structures
 from gapsense.cosim.fmu.instance import STEP
 from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
