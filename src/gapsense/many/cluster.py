@@ -25,7 +25,6 @@ from distributed.comm.registry import get_backend
 
 from gapsense._os.locks import temporary_folder
 from gapsense._os.workers import LOOK, Answers, Entry, Job, Pending, Server
-from gapsense.cosim.scenario.records import Component
 from gapsense.many.provenance import key
 from gapsense.many.worker import Many
 from gapsense.parameters import is_file
@@ -302,7 +301,7 @@ class Site(WorkerPlugin):
     def made(self) -> Job:
         """What the processes do, with the files that are here."""
         many, here = self.pack.many, self.paths
-        components = {name: located(component, here) for name, component in many.scenario.components.items()}
+        components = {n: replace(c, values=located_values(c.values, here)) for n, c in many.scenario.components.items()}
         files = tuple(Path(here[str(file)]) for file in many.scenario.files)
         descriptions = {n: replace(d, path=Path(here[str(d.path)])) for n, d in many.descriptions.items()}
         moved = replace(many.scenario, components=components, files=files)
@@ -345,22 +344,13 @@ class Site(WorkerPlugin):
     def answers(self, asked: Sequence[Asked]) -> list[Entry]:
         """Entries of some runs."""
         with self.server() as server:
-            return [server.answer(number, located_request(request, self.paths)) for number, request in asked]
-
-
-def located(component: Component, here: Mapping[str, str]) -> Component:
-    """A component with the files that are here."""
-    return replace(component, values=located_values(component.values, here))
+            moved = ((n, {**own, "values": located_values(own["values"], self.paths)}) for n, own in asked)
+            return [server.answer(number, request) for number, request in moved]
 
 
 def located_values(values: Mapping[str, Value], here: Mapping[str, str]) -> dict[str, Value]:
     """Values of parameters with the files that are here."""
     return {name: here.get(str(value), value) if is_file(name, value) else value for name, value in values.items()}
-
-
-def located_request(request: Mapping[str, Any], here: Mapping[str, str]) -> dict[str, Any]:
-    """A request with the files that are here."""
-    return {**request, "values": located_values(request["values"], here)}
 
 
 def perform(name: str, asked: Sequence[Asked]) -> list[Entry]:

@@ -128,7 +128,10 @@ def places(found: Functions, room: Room, buffered: int, own: int, output: int) -
     kinds, entries = fields(module.Parameters), names(module.Parameters)
     is_table = [name in kinds and kinds[name].kind == "table" for name in entries]
     par = [room.column(0) if is_one else room.take(1) for is_one in is_table]
-    state = [of_state(entry, room) for entry in results(found.codes.initial)[: len(names(module.State))]]
+    state = [
+        room.column(len(entry)) if isinstance(entry, list) else room.take(1)
+        for entry in results(found.codes.initial)[: len(names(module.State))]
+    ]
     made = [*state, *range(output, output + len(found.component.of("output")))]
     constants = [*of_constants(found.codes.constants, par, room)]
     calls = [
@@ -140,11 +143,6 @@ def places(found: Functions, room: Room, buffered: int, own: int, output: int) -
     return Places(
         functions=found, buffered=buffered, own=own, output=output, time=time, par=par, tables=tables, calls=calls
     )
-
-
-def of_state(entry: Any, room: Room) -> int:
-    """Place of an entry of a state."""
-    return room.column(len(entry)) if isinstance(entry, list) else room.take(1)
 
 
 def of_constants(code: Code, par: Sequence[int], room: Room) -> Iterator[int]:

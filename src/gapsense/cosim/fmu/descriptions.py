@@ -377,7 +377,7 @@ def opened(
         root, text = mended(data)
         model = read_model(text)
         add_limits(model, root)
-        moved = [v for v in model.modelVariables if not is_second(v)]
+        moved = [v for v in model.modelVariables if not (v.alias is not None and v.causality in ("input", "parameter"))]
         variables = {scalar.name: scalar for v in moved for scalar in scalars(v, sizes)}
         return model, variables, read_rules(root, variables), members
     except UnusableError:
@@ -445,11 +445,6 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
             if other != (v.array or v.name):
                 found = f"its variables `{shown(other)}` and `{shown(v.name)}` share the value reference {v.reference}"
                 raise UnusableError(f"{found}. Export it again.")
-
-
-def is_second(v: Any) -> bool:
-    """True for a second name of a variable that can be set."""
-    return v.alias is not None and v.causality in ("input", "parameter")
 
 
 def shortened(text: str) -> str:

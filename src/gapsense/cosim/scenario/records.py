@@ -553,7 +553,11 @@ def execution_order(names: Sequence[str], connections: Sequence[Connection], des
     Raises FeedthroughCycleError if a loop has nothing but direct feedthrough.
     """
     left, done, delayed = list(names), [], [c for c in connections if c.delayed]
-    ways = [turned(c) if c.delayed else c for c in connections if not (c.delayed and is_own(c))]
+    ways = [
+        turned(c) if c.delayed else c
+        for c in connections
+        if not (c.delayed and c.source.component == c.target.component)
+    ]
     while left:
         edges = [c for c in ways if {c.source.component, c.target.component} <= set(left)]
         direct = [c for c in edges if c.delayed or c.target.variable in descriptions[c.target.component].direct_inputs]
@@ -570,11 +574,6 @@ def execution_order(names: Sequence[str], connections: Sequence[Connection], des
 def turned(connection: Connection) -> Connection:
     """The way from target to source."""
     return replace(connection, source=connection.target, target=connection.source)
-
-
-def is_own(connection: Connection) -> bool:
-    """True if the component takes what it gives itself."""
-    return connection.source.component == connection.target.component
 
 
 def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:

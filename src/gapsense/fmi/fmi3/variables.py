@@ -5,10 +5,10 @@ A port keeps the value reference that it has in FMI 2.0, its place in the table;
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from gapsense.fmi.native.headers import literal
+from gapsense.fmi.native.headers import array, literal
 from gapsense.fmi.ports import Component, Port
 from gapsense.fmi.tables import HEADER, heads
 from gapsense.kernels.emit import C
@@ -165,20 +165,24 @@ def arrays_c(component: Component, kernel: Kernel, tables: Tables) -> str:
     found, own = [*places(component)], shapes(kernel)
     data = [numbers(f"shipped_{table.port}", tables[component.ports[table.port].name]) for table in found]
     rows = [len(tables[component.ports[table.port].name][0]) for table in found]
-    data += array("Table", "tables", (f"{{{t.port}, {t.rows}, shipped_{t.port}, {n}}}" for t, n in zip(found, rows)))
+    data.append(
+        array("Table", "tables", (f"{{{t.port}, {t.rows}, shipped_{t.port}, {n}}}" for t, n in zip(found, rows)))
+    )
     first = len(component.ports) + 1 + sum(1 + table.columns for table in found)
     ends = [sum(shape.size * (shape.size + 1) // 2 for shape in own[: k + 1]) for k in range(len(own))]
     if ends and ends[-1] > MOST_ENTRIES:
         raise ValueError(f"{component.name}: arrays of {ends[-1]} numbers; at most {MOST_ENTRIES} fit. Give fewer.")
     starts = enumerate(zip(own, (0, *ends)), first)
-    data += array("Matrix", "matrices", (f"{{{literal(s.name)}, {k}, {s.size}, {start}}}" for k, (s, start) in starts))
+    data.append(
+        array("Matrix", "matrices", (f"{{{literal(s.name)}, {k}, {s.size}, {start}}}" for k, (s, start) in starts))
+    )
     signals, index = motion(component), {port.name: k for k, port in enumerate(component.ports)}
     if signals:
-        data += array("int", "signals", (str(index[port.name]) for port in signals))
+        data.append(array("int", "signals", (str(index[port.name]) for port in signals)))
         data.append(f"static const Motion motion = {{{first + len(own)}, {index[FLAG]}, signals, {len(signals)}}};\n")
     return SOURCE.format(
-        kernel=kernel_c(kernel),
-        data="\n".join(data),
+        kernel=C.module(f"static {source(kernel)}") if own else "",
+        data="\n".join(filter(None, data)),
         time=len(component.ports),
         motion="&motion" if signals else "NULL",
         tables="tables" if found else "NULL",
@@ -189,22 +193,10 @@ def arrays_c(component: Component, kernel: Kernel, tables: Tables) -> str:
     )
 
 
-def kernel_c(kernel: Kernel) -> str:
-    """The function that makes the matrices; nothing if there are none."""
-    text = source(kernel)
-    return C.module(f"static {text}") if text else ""
-
-
 def numbers(name: str, columns: Sequence[Sequence[float]]) -> str:
     """A constant array of all columns."""
     values = ", ".join(repr(float(value)) for column in columns for value in column)
     return f"static const double {name}[] = {{{values}}};\n"
-
-
-def array(kind: str, name: str, items: Iterable[str]) -> list[str]:
-    """A constant array; nothing for an empty one, which C does not have."""
-    lines = "".join(f"    {item},\n" for item in items)
-    return [f"static const {kind} {name}[] = {{\n{lines}}};\n"] if lines else []
 
 
 # Arrays made of a kernel's state for hosts that know arrays.

@@ -15,7 +15,6 @@ from gapsense.cosim.scenario.read import REPORTED, load, other_kind
 from gapsense.problems import InputError
 from gapsense.report.html.many import Many, is_many, read_many
 
-
 CHANGED = "changes"  # hash of values given by `--set`
 
 
