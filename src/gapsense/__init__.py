@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from gapsense.components import SolenoidValve as SolenoidValve
     from gapsense.components import TableActuator as TableActuator
     from gapsense.cosim.check import check as check
+    from gapsense.cosim.convergence import converge as converge
     from gapsense.cosim.result.result import Result as Result
     from gapsense.cosim.result.result import read_result as read_result
     from gapsense.cosim.run.run import run as run
@@ -79,6 +80,7 @@ __all__ = [
     "check_study",
     "commission",
     "compare",
+    "converge",
     "estimate",
     "fem",
     "gap_law",
@@ -97,6 +99,7 @@ _PLACES = {  # where each is
         ("Found", "commission", "compare", "estimate", "fem", "gap_law", "identify", "inspect"), "gapsense.functions"
     ),
     "check": "gapsense.cosim.check",
+    "converge": "gapsense.cosim.convergence",
     "run": "gapsense.cosim.run.run",
     "campaign": "gapsense.many.campaign",
     "check_study": "gapsense.many.prepare",

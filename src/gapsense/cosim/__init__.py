@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from gapsense.cosim.check import find_fmus as find_fmus
     from gapsense.cosim.check import prepare as prepare
     from gapsense.cosim.check import remarks as remarks
+    from gapsense.cosim.convergence import Convergence as Convergence
+    from gapsense.cosim.convergence import converge as converge
     from gapsense.cosim.regression import Outcome as Outcome
     from gapsense.cosim.regression import Update as Update
     from gapsense.cosim.regression import find_scenarios as find_scenarios
@@ -56,6 +58,7 @@ OF_MODULES = {
     "result.metrics": ("Measured",),
     "result.pairs": ("compare_results",),
     "check": ("check", "find_fmus", "prepare", "remarks"),
+    "convergence": ("Convergence", "converge"),
     "result.result": ("Result", "read_result"),
     "regression": (
         *("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline", "write_junit"),

@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 
 from gapsense._os.files import read_columns, state
+from gapsense.cosim.coupling import both_ways, sample_time
 from gapsense.cosim.fmu.archive import UnusableError, read_description
 from gapsense.cosim.fmu.descriptions import (
     NUMERIC,
@@ -794,7 +795,7 @@ ASKED = "Is `base_step` as it should be?"
 def on_grid(scenario: Scenario, descriptions: Descriptions) -> list[str]:
     """Sentences on what falls between the steps of a scenario that has no problems."""
     experiment = scenario.experiment
-    told = [*few(experiment, scenario.record.decimation)]
+    told = [*few(experiment, scenario.record.decimation), *both_ways(scenario, descriptions)]
     for name, component in scenario.components.items():
         told += own_step(component, descriptions[name], experiment)
         told += periods(component, descriptions[name], experiment)
@@ -816,9 +817,8 @@ def few(experiment: Experiment, decimation: int) -> Iterator[str]:
 
 def own_step(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
     """That a component steps much longer than it is made for: than its samples, or than its default experiment."""
-    variable, step = description.variables.get("sample_time"), component.step * experiment.base_step
-    given = component.values.get("sample_time", variable.start if variable else None)
-    what, own = "`sample_time`", float(given or 0.0) if is_number(given) else 0.0
+    step = component.step * experiment.base_step
+    what, own = "`sample_time`", sample_time(component, description)
     if own <= 0.0 and description.step_size:
         what, own = "the step of its FMU's default experiment", description.step_size
     if own > 0.0 and step > ABOVE * own * (1.0 + ROUNDING):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import ModuleType
+from typing import Any
 
 
 def pages() -> ModuleType:
@@ -17,3 +18,18 @@ def plots() -> ModuleType:
     from gapsense.report import plot
 
     return plot
+
+
+def convergence_text(found: Any) -> str:
+    """What a study of the base step has found, as the command prints it."""
+    from gapsense.report import convergence
+    from gapsense.report.table import text
+
+    return text(*convergence.shown(found))
+
+
+def convergence_figure(found: Any) -> Any:
+    """Figure of the errors over the base step."""
+    from gapsense.report import convergence
+
+    return convergence.figure(found)

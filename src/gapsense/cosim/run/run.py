@@ -20,6 +20,7 @@ from gapsense.problems import suggest
 from gapsense.tables import Value
 
 if TYPE_CHECKING:
+    from gapsense.cosim.fmu.descriptions import Description
     from gapsense.cosim.result.result import Result
     from gapsense.cosim.run.master import Master, Progress
 
@@ -78,17 +79,29 @@ def run(
     with run_ahead() if isolation == "process" else nullcontext():
         read, descriptions = prepare(scenario, variant, fmus)
         read = isolated(read, isolation, step_limit)
-        subject = Subject(read, descriptions)
-        take = subject.taken(seed_shift, point)
-        kept = keeper(checkpoint, read, descriptions, take) if checkpoint else None
-        if read.experiment.isolation == "process":
-            watch = Watch(progress, notice, meanwhile=lambda: subject.run)
-            recording = record_apart(Plan(read, descriptions, take, kept), watch)
-            return finished(subject, take, recording)
-        from gapsense.cosim.run.master import Master  # here: a run in another process does not need it
+        return run_prepared(read, descriptions, seed_shift, progress, point, checkpoint, notice)
 
-        with Master(read, descriptions) as master:
-            return run_once(master, seed_shift, progress, point, kept)
+
+def run_prepared(
+    scenario: Scenario,
+    descriptions: dict[str, Description],
+    seed_shift: int = 0,
+    progress: Progress | None = None,
+    point: int | None = None,
+    checkpoint: Checkpoint | None = None,
+    notice: Callable[[str], None] = tell,
+) -> Result:
+    """Run a scenario that was read and checked, as `run` does."""
+    subject = Subject(scenario, descriptions)
+    take = subject.taken(seed_shift, point)
+    kept = keeper(checkpoint, scenario, descriptions, take) if checkpoint else None
+    if scenario.experiment.isolation == "process":
+        watch = Watch(progress, notice, meanwhile=lambda: subject.run)
+        return finished(subject, take, record_apart(Plan(scenario, descriptions, take, kept), watch))
+    from gapsense.cosim.run.master import Master  # here: a run in another process does not need it
+
+    with Master(scenario, descriptions) as master:
+        return run_once(master, seed_shift, progress, point, kept)
 
 
 def isolated(scenario: Scenario, isolation: str | None, step_limit: float | None) -> Scenario:

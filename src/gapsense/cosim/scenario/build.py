@@ -21,6 +21,7 @@ from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import flattened
 
 if TYPE_CHECKING:
+    from gapsense.cosim.convergence import Convergence
     from gapsense.many.sweep import Sweep
 
 
@@ -312,6 +313,22 @@ class Scenario(Content):
             self.data["sweep"] = {name: [plain(value) for value in values] for name, values in grid.items()}
         options = {"out": out, "fmus": self.fmus, "measure": measure, "progress": progress}
         return sweep(self.document, seeds, workers=workers, **options)  # type: ignore[arg-type]
+
+    def converge(self, variant: str | None = None, **options: Any) -> Convergence:
+        """Tell how large the error of its base step is, by runs with shorter ones.
+
+        Parameters
+        ----------
+        variant, options
+            As for `gapsense.converge`.
+
+        Returns
+        -------
+        Convergence
+        """
+        from gapsense.cosim.convergence import converge  # which stands above this package
+
+        return converge(self.document, variant, self.fmus, **options)
 
     def close(self) -> None:
         """Free the FMUs; the next run loads them again."""
