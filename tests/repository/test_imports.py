@@ -22,8 +22,8 @@ OF_KERNELS = (  # in order: each may import those before it
     "integrate", "interpolate", "random", "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
-    "version", "shipped", "native", "structures", "problems", "locks", "files", "tables", "parameters", "checked",
-    "importable", "interrupts", "processes", "prestart", "workers",
+    "version", "shipped", "native", "problems", "locks", "files", "tables", "parameters",
+    "importable", "interrupts", "processes", "workers",
 )  # fmt: skip
 FOUNDATIONS, GENERAL = set(OF_KERNELS), set(OF_FILES)
 SIDE_BY_SIDE = {"actuators", "estimators", "drive", "sensor"}

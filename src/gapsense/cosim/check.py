@@ -414,8 +414,8 @@ class Checker:
         loops = [name for loop in order.loops for name in loop]
         for name in (name for name in loops if self.scenario.components[name].board):
             yield (
-                f"components.{name}.board: a board is in a loop, which `iterative` repeats from saved states; that needs"
-                " FMUs. Take it out of the loop with `delayed = true` in `[[connections]]`, or run its FMU."
+                f"components.{name}.board: a board is in a loop, which `iterative` repeats from saved states; that"
+                " needs FMUs. Take it out of the loop with `delayed = true` in `[[connections]]`, or run its FMU."
             )
         for name in (name for name in loops if not self.descriptions[name].can_return):
             yield (

@@ -206,11 +206,6 @@ def growths(found: Sequence[Growth]) -> Table:
     return table(f"Change of the signals when all numbers change by {PERTURBATION:g}", heads, rows)
 
 
-def indented(text: str) -> str:
-    """A failure of several sentences, the further ones below the first."""
-    return text.replace("\n", "\n    ")
-
-
 def outcome(tested: Outcome) -> str:
     """One line for a scenario that passed, one more for each failure."""
     word = "passed" if tested.passed else "FAILED"
@@ -219,5 +214,9 @@ def outcome(tested: Outcome) -> str:
     head = f"{word}  {tested.scenario}  {checks}, {tested.seconds:.1f} s{remark}"
     coarse = tested.result.run.remarks if tested.result else ()
     return "\n".join(
-        [head, *(indented(f"  {c.name}: {c.failure}") for c in tested.failures), *(f"  note: {r}" for r in coarse)]
+        [
+            head,
+            *(f"  {c.name}: {c.failure}".replace("\n", "\n    ") for c in tested.failures),
+            *(f"  note: {r}" for r in coarse),
+        ]
     )

@@ -16,7 +16,7 @@ from gapsense.cosim.run.master import Master, Progress
 from gapsense.cosim.run.run import run, run_once
 from gapsense.cosim.scenario.read import Document, read_document, scenario_file
 from gapsense.cosim.scenario.write import write_document
-from gapsense.cosim.show import scenario_html
+from gapsense.cosim.show import pages
 from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import flattened
 
@@ -349,5 +349,5 @@ class Scenario(Content):
         loaded = "loaded" if self.master else "not loaded"
         return f"<Scenario {self.data.get('title')!r}: {components or 'no components'}, {loaded}>"
 
-    def _repr_html_(self) -> str:
-        return scenario_html(self.data, repr(self))
+    def _repr_html_(self) -> Any:
+        return pages().of_scenario(self.data, repr(self))

@@ -571,7 +571,11 @@ def execution_order(
     if method == ITERATIVE:
         return order_of_loops(names, connections)
     left, done, delayed = list(names), [], [c for c in connections if c.delayed]
-    ways = [turned(c) if c.delayed else c for c in connections if not (c.delayed and is_own(c))]
+    ways = [
+        turned(c) if c.delayed else c
+        for c in connections
+        if not (c.delayed and c.source.component == c.target.component)
+    ]
     while left:
         edges = [c for c in ways if {c.source.component, c.target.component} <= set(left)]
         direct = [c for c in edges if c.delayed or c.target.variable in descriptions[c.target.component].direct_inputs]
@@ -616,11 +620,6 @@ def first_loop(left: Sequence[str], edges: Sequence[Connection]) -> list[str]:
 def turned(connection: Connection) -> Connection:
     """The way from target to source."""
     return replace(connection, source=connection.target, target=connection.source)
-
-
-def is_own(connection: Connection) -> bool:
-    """True if the component takes what it gives itself."""
-    return connection.source.component == connection.target.component
 
 
 def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:
