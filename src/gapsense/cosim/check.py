@@ -27,6 +27,7 @@ from gapsense.cosim.fmu.descriptions import (
     find_fmu,
     mended,
 )
+from gapsense.cosim.fmu.line import wrong_board
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, varied
 from gapsense.cosim.scenario.records import (
@@ -227,7 +228,7 @@ class Checker:
         sets = check_sets(self.scenario.components, self.descriptions)
         wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
         values = (self.values(), self.rules(), *wiring, self.events(), self.seeds(), self.grid())
-        for problem in chain(self.singles(), sets, *values):
+        for problem in chain(self.singles(), self.boards(), sets, *values):
             yield f"{self.scenario.path.name}, {problem}"
 
     def singles(self) -> Iterator[str]:
@@ -240,6 +241,21 @@ class Checker:
             if description.is_single and other != name:
                 remedy = f'Give `components.{name}` a process of its own: `isolation = "process"`.'
                 yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. {remedy}"
+
+    def boards(self) -> Iterator[str]:
+        """Boards: of a known kind, with a firmware where one is needed; a board has each of its components once."""
+        there: dict[tuple[str, str], str] = {}
+        for name, component in self.scenario.components.items():
+            problem = wrong_board(component.board, component.firmware) if component.board else ""
+            if component.firmware and not component.board:
+                problem = "firmware: it is for a `board`, which is missing. Add one."
+            if component.board and component.isolation == "process":
+                problem = "isolation: a board is apart already. Leave it out."
+            other = there.setdefault((component.board, component.fmu), name)
+            if component.board and other != name:
+                problem = f"board: `{other}` is on it with the same FMU. Give one of them another board."
+            if problem:
+                yield f"components.{name}.{problem}"
 
     def values(self) -> Iterator[str]:
         """Parameters: known, of the right type, within their limits; steps that fit the sample time."""
@@ -395,7 +411,13 @@ class Checker:
         except FeedthroughCycleError as error:
             yield f"connections: {error}"
             return
-        for name in (name for loop in order.loops for name in loop if not self.descriptions[name].can_return):
+        loops = [name for loop in order.loops for name in loop]
+        for name in (name for name in loops if self.scenario.components[name].board):
+            yield (
+                f"components.{name}.board: a board is in a loop, which `iterative` repeats from saved states; that"
+                " needs FMUs. Take it out of the loop with `delayed = true` in `[[connections]]`, or run its FMU."
+            )
+        for name in (name for name in loops if not self.descriptions[name].can_return):
             yield (
                 f"components.{name}.fmu: `{self.descriptions[name].path.name}` cannot save its state "
                 "(canGetAndSetFMUstate), and it is in a loop, which `iterative` repeats from saved states. Export it "

@@ -102,6 +102,10 @@ def refuse_unfit(subject: Subject) -> None:
         problems.append(f"{found}. A page is compiled of Gapsense's own components; build them with `gapsense build`.")
     if scenario.experiment.method == ITERATIVE:
         problems.append("its loops are iterated (`method`), which a page cannot do. Choose another method.")
+    if on_boards := [f"`{name}`" for name, component in scenario.components.items() if component.board]:
+        problems.append(
+            f"{', '.join(on_boards)} run on boards, which a page cannot reach. Choose a variant without them."
+        )
     hissing = sum(len(plan.noisy(actor, scenario.experiment)) for actor in plan.actors(subject).values())
     if hissing > MOST_NOISE:
         found = f"its events have noise for {hissing} base steps, each with a number in the page, {MOST_NOISE} at most"

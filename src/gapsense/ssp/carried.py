@@ -62,6 +62,8 @@ def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
         yield f"signals of {found}: they are only in Gapsense's annotation; in other tools their first value holds."
     if delayed:
         yield f"delay of {listing(delayed)}: it is only in Gapsense's annotation."
+    if on_boards := [name for name, component in scenario.components.items() if component.board]:
+        yield f"board of {listing(on_boards)}: it is left out; the FMU runs in its place."
     if scenario.events:
         yield f"events {listing([*scenario.events])}: only Gapsense's annotation has them, so other tools ignore them."
     for key, what in LEFT_OUT.items():

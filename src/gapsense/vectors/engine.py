@@ -31,6 +31,8 @@ def obstacle(subject: Subject) -> str:
         return "Its loops are iterated (`method`)."
     if experiment.isolation != "none" or any(c.isolation != "none" for c in components.values()):
         return "The scenario asks for separate processes (`isolation`)."
+    if any(c.board for c in components.values()):
+        return "A component is on a board (`board`)."
     if own_compiler() is None:
         return "There is no C compiler, neither the one that `CC` names nor `cc`, `gcc` or `clang`."
     foreign = [f"`{name}` ({d.path.name})" for name, d in subject.descriptions.items() if not is_ours(d)]

@@ -390,6 +390,10 @@ class Instance:
         """Go back to the state that is held."""
         self.call("fmi2SetFMUstate", self.held)
 
+    def facts(self) -> dict[str, Any]:
+        """What a result tells of where it ran; nothing of an FMU here."""
+        return {}
+
     def close(self) -> None:
         """Free the instance and its library, unless it is dead."""
         if not self.is_dead:

@@ -20,8 +20,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any, NamedTuple
 
-from gapsense._os.prestart import process
-from gapsense._os.processes import Died
+from gapsense._os.processes import Died, process
 from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.fmu.instance import (
     ENDS,

@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import sealed
-from gapsense._os.files import prepared, read_columns, rename, sha256, write_columns, write_json
+from gapsense._os.files import prepared, read_columns, rename, sealed, sha256, write_columns, write_json
 from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
 from gapsense.cosim.scenario.records import Metric, Span
-from gapsense.cosim.show import frame, plot, result_html
+from gapsense.cosim.show import pages, plots
 from gapsense.problems import suggest
 from gapsense.tables import Value
 
@@ -93,6 +92,7 @@ class Run:
     remarks: tuple[str, ...] = ()  # on what falls between its steps
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
     loops: Mapping[str, Iterations] = field(default_factory=dict)  # by the components that repeat steps together
+    boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of components on one: see `OnBoard.facts`
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,11 +143,11 @@ class Result:
 
     def plot(self, *patterns: str) -> Any:
         """Figure of the recorded signals of these names or patterns, by default all: a panel per unit."""
-        return plot(self, patterns)
+        return plots().signals(self, patterns)
 
     def to_pandas(self) -> Any:
         """The signals as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
-        return frame(self.signals, "time", self.times, self.units)
+        return pages().frame(self.signals, "time", self.times, self.units)
 
     def __repr__(self) -> str:
         span = f" from {self.times[0]:.6g} s to {self.times[-1]:.6g} s" if self.times.size else ""
@@ -162,8 +162,8 @@ class Result:
         )
         return f"<Result {self.run.scenario!r}: {', '.join(parts)}>"
 
-    def _repr_html_(self) -> str:
-        return result_html(self.run.title, repr(self), self.metrics, self.signals, self.units)
+    def _repr_html_(self) -> Any:
+        return pages().of_result(self.run.title, repr(self), self.metrics, self.signals, self.units)
 
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.

@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from gapsense._os.files import write_atomically
 from gapsense._os.interrupts import counted
-from gapsense._os.prestart import process as new_process
 from gapsense._os.processes import Died, Process, own_marks
+from gapsense._os.processes import process as new_process
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.run.recording import (
     COMPONENT,

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter, sleep
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.files import sha256
 from gapsense._os.processes import Marks
-from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
 from gapsense.cosim.fmu.remote import RemoteInstance
 from gapsense.cosim.run.events import Director, explained
@@ -37,7 +38,7 @@ from gapsense.cosim.run.recording import (
     shape,
     varied_events,
 )
-from gapsense.cosim.scenario.records import ITERATIVE, Experiment, Port, Scenario, ports, texts
+from gapsense.cosim.scenario.records import ITERATIVE, Component, Experiment, Port, Scenario, ports, texts
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -78,6 +79,7 @@ class Master:
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
         self.parts: list[Part] = []
+        self.links: dict[Any, Any] = {}  # to boards, by place and firmware
         self.director = Director({}, scenario.experiment, (), self.places, self.view, {}, self.marks)
         try:
             self.load()
@@ -95,9 +97,26 @@ class Master:
     def instance(self, name: str) -> Instance:
         """Instance of a component, in a process of its own if the scenario wants that."""
         description = self.descriptions[name]
-        if self.scenario.components[name].isolation == "process":
+        component = self.scenario.components[name]
+        if component.board:
+            return self.on_board(name, component, description)
+        if component.isolation == "process":
             return RemoteInstance(name, description, unpacked(description), self.scenario.experiment.step_limit)
         return instance_of(name, description, unpacked(description))
+
+    def on_board(self, name: str, component: Component, description: Description) -> Instance:
+        """A component on its board, which others may share."""
+        from gapsense.cosim.fmu.board import on_board  # here, so that others start fast
+        from gapsense.cosim.fmu.line import BoardError, Link
+
+        key, limit = (component.board, component.firmware), self.scenario.experiment.step_limit
+        try:
+            self.links[key] = self.links.get(key) or Link(*key, limit)
+        except BoardError as error:
+            raise FmuError(name, f"the board `{component.board}` {error}.") from error
+        read = {*self.subject.about, *(str(c.source) for c in self.scenario.connections)}
+        wanted = {v.name for v in description.of("output") if f"{name}.{v.name}" in read}
+        return on_board(name, description, unpacked(description), self.links[key], wanted, component.clock)
 
     def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
         """What there is of every component in execution order, with marks that say which one is touched, and why."""
@@ -132,7 +151,9 @@ class Master:
         """Free all instances."""
         for part in self.parts:
             part.instance.close()
-        self.parts = []
+        for link in self.links.values():
+            link.close()
+        self.parts, self.links = [], {}
 
     @folder_kept()
     def run(
@@ -172,6 +193,7 @@ class Master:
         except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
             recording.interrupted = True
         recording.wall, recording.begun = recording.clocked(), None
+        recording.boards = {part.component.name: part.instance.facts() for part in self.parts if part.component.board}
         recording.messages += self.messages()
         return recording
 
@@ -307,7 +329,15 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
     targets = {name: event.target for name, event in scenario.events.items()}
-    return list(bare.items()), hashes, scenario.connections, list(targets.items()), scenario.experiment.step_limit
+    boards = [c.firmware and sha256(c.firmware) for c in bare.values()]
+    return (
+        list(bare.items()),
+        hashes,
+        boards,
+        scenario.connections,
+        list(targets.items()),
+        scenario.experiment.step_limit,
+    )
 
 
 def refuse(part: Part, failed: str, experiment: Experiment) -> None:

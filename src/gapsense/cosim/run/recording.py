@@ -86,6 +86,7 @@ class Recording:
     ended: str = ""  # by which components in an orderly way, before its stop or there
     error: FmuError | None = None
     loop: str = "C"  # language of the loop over base steps
+    boards: dict[str, Any] = field(default_factory=dict)  # what is told of each component on a board
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
     # Of each loop that is iterated: steps, evaluations, most of them in a step and in which; its inverse Jacobian.
     loops: dict[str, list[int]] = field(default_factory=dict)
@@ -331,6 +332,7 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
             lag=lag,
             loops={name: Iterations(n[0], n[1], n[2], time(n[3])) for name, n in recording.loops.items()},
             remarks=(*subject.run.remarks, *said(subject, recording)),
+            boards=recording.boards,
         ),
         times=times(subject.scenario, recording.rows),
         signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
@@ -349,6 +351,11 @@ def said(subject: Subject, recording: Recording) -> Iterator[str]:
     """Sentences on what components did in the run that is no failure: the end of it, warnings."""
     if recording.ended:
         yield recording.ended
+    for name, board in recording.boards.items():
+        if board["repeated"]:
+            what = ", ".join(f"{count} x {trouble}" for trouble, count in board["repeated"].items())
+            first = "" if board["first"] is None else f", the first at t = {board['first']:.9g} s"
+            yield f"`{name}`: requests to its board `{board['board']}` had to be repeated{first}: {what}."
     from gapsense.cosim.fmu.instance import WARNING, summary
 
     for name, warnings, calls in zip(subject.run.order, recording.warnings, recording.calls):

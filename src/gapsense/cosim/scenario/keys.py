@@ -196,6 +196,23 @@ COMPONENT = Section(
             default=ISOLATIONS[0],
             choices=ISOLATIONS,
         ),
+        Key(
+            "board",
+            TEXT,
+            "[Board](firmware.md) on which the component runs: `qemu:<machine>`, `serial:<device>[:<baud>]` or "
+            "`tcp:<host>:<port>`. Components with the same board share it",
+            '"qemu:mps2-an386"',
+            otherwise="none",
+        ),
+        Key(
+            "firmware",
+            TEXT,
+            "Program of `export-c --loop` that QEMU loads, relative to this file",
+            '"firmware/cortex-m4.elf"',
+            otherwise="none",
+            is_path=always,
+        ),
+        Key("clock", POSITIVE, "Clock of the board [Hz], by which its load is told", "168e6", otherwise="not told"),
         Key("set", TABLE, "Parameters of this component", otherwise="none", section=SET),
     ),
     at="[components.valve]",

@@ -454,6 +454,8 @@ class Reader:
         layers.append((inline.where(), located_values(inline, self.path.parent)))
         layers.append((OVER, self.changes.parameters(name)))
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
+        firmware = (self.path.parent / own["firmware"]).resolve() if own["firmware"] else None
+        self.files += [firmware] if firmware and firmware.is_file() else []
         self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
         return Component(
             name=name,
@@ -464,6 +466,9 @@ class Reader:
             origin={name: place for place, name, _ in given},
             sets=sets,
             isolation=own["isolation"],
+            board=own["board"] or "",
+            firmware=firmware,
+            clock=own["clock"],
         )
 
     def seeds(self, table: Table) -> dict[str, int]:
@@ -882,7 +887,7 @@ def read_event(table: Table, name: str, changes: Mapping[str, Any]) -> Event | N
     note_times(table, given)
     if target is None or given["action"] is None or len(table.problems) > before:
         return None
-    times = {key: as_float(given[key]) for key in ("over", "at", "until", "duration")}
+    times = {key: (None if given[key] is None else float(given[key])) for key in ("over", "at", "until", "duration")}
     return Event(name=name, **{**given, **times, "target": target, "when": when, "given": dict(table.data)})
 
 
@@ -891,11 +896,6 @@ def laid_over(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     flat = {**dict(flattened(data)), **changes}
     when = {key.removeprefix("when."): value for key, value in flat.items() if key.startswith("when.")}
     return {**{key: value for key, value in flat.items() if "." not in key}, **({"when": when} if when else {})}
-
-
-def as_float(value: Any) -> float | None:
-    """A number as a float."""
-    return None if value is None else float(value)
 
 
 def read_when(table: Table) -> When | None:

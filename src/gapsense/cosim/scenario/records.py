@@ -66,6 +66,9 @@ class Component:
     origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
     sets: Mapping[Path, Iterable[str]] = field(default_factory=dict)  # names in its parameter sets, see `taken`
     isolation: str = "none"  # or the instance is in a process of its own
+    board: str = ""  # on which it runs, as `cosim/fmu/line.py` reads it; the FMU goes along
+    firmware: Path | None = None  # for a board that is emulated
+    clock: float | None = None  # of the board [Hz]
 
 
 @dataclass(frozen=True)
@@ -568,7 +571,11 @@ def execution_order(
     if method == ITERATIVE:
         return order_of_loops(names, connections)
     left, done, delayed = list(names), [], [c for c in connections if c.delayed]
-    ways = [turned(c) if c.delayed else c for c in connections if not (c.delayed and is_own(c))]
+    ways = [
+        turned(c) if c.delayed else c
+        for c in connections
+        if not (c.delayed and c.source.component == c.target.component)
+    ]
     while left:
         edges = [c for c in ways if {c.source.component, c.target.component} <= set(left)]
         direct = [c for c in edges if c.delayed or c.target.variable in descriptions[c.target.component].direct_inputs]
@@ -613,11 +620,6 @@ def first_loop(left: Sequence[str], edges: Sequence[Connection]) -> list[str]:
 def turned(connection: Connection) -> Connection:
     """The way from target to source."""
     return replace(connection, source=connection.target, target=connection.source)
-
-
-def is_own(connection: Connection) -> bool:
-    """True if the component takes what it gives itself."""
-    return connection.source.component == connection.target.component
 
 
 def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:

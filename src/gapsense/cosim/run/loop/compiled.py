@@ -8,8 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from gapsense._os.native import structures
 from gapsense._os.processes import MARKS
-from gapsense._os.structures import structures
 from gapsense.cosim.fmu.instance import STEP
 from gapsense.cosim.run.iterate import iterating
 from gapsense.cosim.run.loop.reference import in_python
