@@ -21,6 +21,7 @@ SMALL = {  # options of each that make it small
     "identify.py": ("--records", "1"),
     "campaign.py": ("--only-rows", "--rows", "3000"),
     "native.py": ("Semera",),
+    "coupling.py": ("--small",),
     "whole.py": ("--seeds", "0", "--repeats", "1"),
     "run_to_run.py": ("--times", "1"),
     "house.py": (),

@@ -1,7 +1,7 @@
 """The experiment in cofmupy: `python cofmupy_peer.py TASK.json`, in an environment of its own.
 
 It wants other versions of fmpy and pythonfmu than we do, so it cannot be installed beside us (`make bench` makes the
-environment).  Prints one line of JSON: seconds of the loop, and the last values of what is watched.
+environment).  Prints one line of JSON: seconds of the loop, and the values of what is watched.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         coordinator.do_step(task["step"])
     seconds = perf_counter() - begin
     results = coordinator.get_results()
-    last = {f"{name}.{variable}": float(results[name, variable][-1]) for name, variable in task["watched"]}
-    return {"seconds": seconds, "last": last}
+    rows = {f"{name}.{variable}": [*map(float, results[name, variable])] for name, variable in task["watched"]}
+    return {"seconds": seconds, "last": {name: own[-1] for name, own in rows.items()}, "rows": rows}
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from random import Random
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from gapsense.drive.bridge import Kind
+from gapsense.drive.drive_voltage import Kind
 
 LEARNING = ("contact", "model")
 PIECE = 50  # samples; operations of drawn lengths have a multiple of it

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from gapsense.components import Monitor as Monitor
     from gapsense.components import PlayActuator as PlayActuator
     from gapsense.components import PotMagnet as PotMagnet
+    from gapsense.components import PowerStage as PowerStage
     from gapsense.components import ReluctanceActuator as ReluctanceActuator
     from gapsense.components import RunToRun as RunToRun
     from gapsense.components import Semera as Semera
@@ -67,6 +68,7 @@ __all__ = [
     "Monitor",
     "PlayActuator",
     "PotMagnet",
+    "PowerStage",
     "ReluctanceActuator",
     "Result",
     "RunToRun",

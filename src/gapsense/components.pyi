@@ -151,8 +151,8 @@ class BoundedUkf(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 1023
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact.
+    health_causes : float, 0 to 2047
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
     """
 
     def __init__(
@@ -505,8 +505,8 @@ class Ekf(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 1023
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact.
+    health_causes : float, 0 to 2047
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
     """
 
     def __init__(
@@ -754,8 +754,8 @@ class Ertss(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 1023
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact.
+    health_causes : float, 0 to 2047
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
     smoothed_published : float, 0 to 1
         1: smoothed values of the sample at smoothed_time; 0: those of the filter, now.
     smoothed_time : float [s]
@@ -974,8 +974,8 @@ class HybridEkf(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 1023
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact.
+    health_causes : float, 0 to 2047
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
     """
 
     def __init__(
@@ -1103,8 +1103,8 @@ class IntegralEstimator(Runnable):
         Time of the sample that the estimates belong to.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 1023
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact.
+    health_causes : float, 0 to 2047
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
     """
 
     def __init__(
@@ -1352,8 +1352,8 @@ class Mhe(Runnable):
         Measured current minus that of the causal estimate.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 1023
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact.
+    health_causes : float, 0 to 2047
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
     smoothed_published : float, 0 to 1
         1: smoothed values of the sample at smoothed_time; 0: the causal ones, now.
     smoothed_time : float [s]
@@ -2278,6 +2278,214 @@ class PotMagnet(Runnable):
     ) -> PotMagnetOutputs: ...
 
 
+class PowerStageOutputs(NamedTuple):
+    voltage: float
+    voltage_mean: float
+    current: float
+    supply_current: float
+    link_voltage: float
+    boosted_voltage: float
+    leg_a: float
+    leg_b: float
+    path: float
+    coil_inductance: float
+    supplied_energy: float
+    delivered_energy: float
+    dissipated_energy: float
+    stored_energy: float
+
+class PowerStageResponse(Response):
+    voltage: Floats
+    voltage_mean: Floats
+    current: Floats
+    supply_current: Floats
+    link_voltage: Floats
+    boosted_voltage: Floats
+    leg_a: Floats
+    leg_b: Floats
+    path: Floats
+    coil_inductance: Floats
+    supplied_energy: Floats
+    delivered_energy: Floats
+    dissipated_energy: Floats
+    stored_energy: Floats
+
+class PowerStage(Runnable):
+    """
+    Power stage: low-side switch with its clamp, half and full bridge, boost; a supply that sags.
+
+    Parameters
+    ----------
+    topology : str, one of low_side_diode, low_side_zener, low_side_tvs, low_side_resistor, half_bridge, full_bridge, boost, by default 'low_side_diode'
+        What the coil is switched by: low_side_diode, low_side_zener, low_side_tvs, low_side_resistor, half_bridge, full_bridge, boost.
+    control_law : str, one of gate, pwm, current, peak_hold, by default 'gate'
+        What the switches follow: gate, pwm, current, peak_hold.
+    control_chop : str, one of slow, fast, by default 'slow'
+        Decay of a regulated current: slow, fast.
+    control_restart : str, one of hysteresis, pwm, by default 'hysteresis'
+        What switches a regulated current on again: hysteresis, pwm.
+    control_frequency : float [Hz], at least 0.001, by default 20000.0
+        Carrier of PWM and restart; a period begins at the start.
+    control_band : float [A], at least 0, by default 0.05
+        A regulated current is between its level and this much less.
+    peak_current : float [A], at least 0, by default 0.6
+        Peak and hold: level at first.
+    peak_duration : float [s], at least 0, by default 0.004
+        Peak and hold: time from gate to hold.
+    hold_current : float [A], at least 0, by default 0.3
+        Peak and hold: level then.
+    supply_voltage : float [V], at least 1e-09, by default 30.0
+        Supply.
+    supply_resistance : float [Ohm], at least 0, by default 0.1
+        Supply and its wires.
+    supply_inductance : float [H], at least 1e-09, by default 1e-05
+        Supply and its wires.
+    link_capacitance : float [F], at least 1e-09, by default 0.001
+        DC link.
+    link_resistance : float [Ohm], at least 0, by default 0.02
+        Series resistance of its capacitor.
+    cable_resistance : float [Ohm], at least 0, by default 0.0
+        Cable to the coil.
+    cable_inductance : float [H], at least 0, by default 0.0
+        Cable to the coil.
+    switch_resistance : float [Ohm], at least 0, by default 0.1
+        Switch that is on.
+    switch_dead_time : float [s], at least 0, by default 1e-06
+        Full bridge: from one switch of a leg to the other.
+    switch_minimum : float [s], at least 1e-07, by default 2e-06
+        Shortest time on; of a regulated current off, too.
+    diode_voltage : float [V], at least 0, by default 0.7
+        Threshold of a diode.
+    diode_resistance : float [Ohm], at least 0, by default 0.05
+        Slope of a diode.
+    clamp_voltage : float [V], at least 1e-09, by default 60.0
+        Zener diode or TVS.
+    clamp_resistance : float [Ohm], at least 0, by default 0.5
+        Slope of the Zener diode or TVS.
+    freewheel_resistance : float [Ohm], at least 0, by default 100.0
+        Resistor in series with the diode.
+    boost_capacitance : float [F], at least 1e-09, by default 0.0001
+        Boost capacitor.
+    boost_voltage : float [V], at least 1e-09, by default 65.0
+        To which it is charged.
+    boost_current : float [A], at least 0, by default 0.5
+        With which it is charged.
+    boost_efficiency : float, 0.01 to 1, by default 0.85
+        Of its converter.
+    coil_resistance : float [Ohm], at least 1e-09, by default 48.0
+        Resistance R of the coil.
+    coil_inductance : float [H], at least 1e-09, by default 0.1
+        The largest that it has; it starts with it.
+    coil_conductance : float [S], at least 0, by default 0.0
+        Eddy currents, seen from the coil: k_eddy / N^2 of ReluctanceActuator.
+    micro_step : float [s], at least 1e-07, by default 1e-05
+        Longest step of the integrator.
+
+    Inputs of run and step
+    ----------------------
+    gate : float
+        Above 0.5: the upper switch, or the only one, is on; or peak and hold begins.
+    gate_low : float
+        Above 0.5: the lower switch of a bridge is on.
+    reference : float
+        PWM: duty, -1 to 1; current: level [A]; held during the step.
+    enable : float
+        0.5 or less: all switches are off.
+    coil_current : float [A]
+        Current of the coil at the start of the step.
+
+    Outputs
+    -------
+    voltage : float [V]
+        Coil voltage; on an edge, just before it.
+    voltage_mean : float [V]
+        Voltage that, held, takes the coil where the step takes it.
+    current : float [A]
+        Coil current as the stage has it.
+    supply_current : float [A]
+        Current of the supply.
+    link_voltage : float [V]
+        Capacitor of the DC link.
+    boosted_voltage : float [V]
+        Boost capacitor.
+    leg_a : float, -1 to 1
+        1: upper switch on, -1: lower one, 0: none.
+    leg_b : float, -1 to 1
+        Likewise, of the other end of the coil.
+    path : float, -1 to 1
+        Sign of the current that can flow; 0: none.
+    coil_inductance : float [H]
+        Differential inductance, learnt.
+    supplied_energy : float [J]
+        From the supply since the start.
+    delivered_energy : float [J]
+        To the coil since the start.
+    dissipated_energy : float [J]
+        Lost in the stage since the start.
+    stored_energy : float [J]
+        In inductances and capacitors of the stage.
+    """
+
+    def __init__(
+        self,
+        *,
+        topology: str = ...,
+        control_law: str = ...,
+        control_chop: str = ...,
+        control_restart: str = ...,
+        control_frequency: float = ...,
+        control_band: float = ...,
+        peak_current: float = ...,
+        peak_duration: float = ...,
+        hold_current: float = ...,
+        supply_voltage: float = ...,
+        supply_resistance: float = ...,
+        supply_inductance: float = ...,
+        link_capacitance: float = ...,
+        link_resistance: float = ...,
+        cable_resistance: float = ...,
+        cable_inductance: float = ...,
+        switch_resistance: float = ...,
+        switch_dead_time: float = ...,
+        switch_minimum: float = ...,
+        diode_voltage: float = ...,
+        diode_resistance: float = ...,
+        clamp_voltage: float = ...,
+        clamp_resistance: float = ...,
+        freewheel_resistance: float = ...,
+        boost_capacitance: float = ...,
+        boost_voltage: float = ...,
+        boost_current: float = ...,
+        boost_efficiency: float = ...,
+        coil_resistance: float = ...,
+        coil_inductance: float = ...,
+        coil_conductance: float = ...,
+        micro_step: float = ...,
+    ) -> None: ...
+    def run(  # type: ignore[override]
+        self,
+        gate: npt.ArrayLike,
+        gate_low: npt.ArrayLike,
+        reference: npt.ArrayLike,
+        enable: npt.ArrayLike,
+        coil_current: npt.ArrayLike,
+        *,
+        sample_time: float | None = ...,
+        start_time: float = ...,
+        outputs: Iterable[str] = ...,
+    ) -> PowerStageResponse: ...
+    def step(  # type: ignore[override]
+        self,
+        gate: float,
+        gate_low: float,
+        reference: float,
+        enable: float,
+        coil_current: float,
+        *,
+        sample_time: float | None = ...,
+    ) -> PowerStageOutputs: ...
+
+
 class ReluctanceActuatorOutputs(NamedTuple):
     current: float
     position: float
@@ -2807,8 +3015,8 @@ class Semera(Runnable):
         Estimated reluctance; 0 while coil.turns is 0.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 1023
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact.
+    health_causes : float, 0 to 2047
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
     """
 
     def __init__(

@@ -243,7 +243,7 @@ def commission(
         result = fit.commission(records, known, progress, doubts(lacking))
         names = " ".join(path.name for path in paths)
         write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
-        checks = validate_actuator(result.parameters, kept)
+        checks = validate_actuator(result.parameters, kept, result.beyond)
         return answer(
             actuator_tables(result, known, checks, lacking),
             lambda: actuator_figure(result, checks),

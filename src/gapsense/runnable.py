@@ -285,8 +285,7 @@ class Runnable:
         """The outputs by C; None where no compiler is. What fails is done again in Python, for its words."""
         if own_compiler() is None:
             return None
-        from gapsense.vectors.filter import filtered
-        from gapsense.vectors.library import functions, loop
+        from gapsense.vectors.library import filtered, functions, loop
 
         found = functions(self.ports.name) if loop() else None
         if found is None:

@@ -45,6 +45,7 @@ UNITS = {
     "S": Unit(kg=-1, m=-2, s=3, A=2),
     "Wb": Unit(kg=1, m=2, s=-2, A=-1, display=DisplayUnit("mWb", 1e3)),
     "T": Unit(kg=1, s=-2, A=-1),
+    "F": Unit(kg=-1, m=-2, s=4, A=2, display=DisplayUnit("uF", 1e6)),
     "H": Unit(kg=1, m=2, s=-2, A=-2, display=DisplayUnit("mH", 1e3)),
     "H/s2": Unit(kg=1, m=2, s=-4, A=-2),
     "1/H": Unit(kg=-1, m=-2, s=2, A=2),

@@ -20,7 +20,7 @@ SRC = HERE.parents[1] / "src"
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with the FMUs Source, Lag, Gain, Noise, Faulty, Types and Tuned."""
+    """Folder with the FMUs Source, Lag, Gain, Noise, Faulty, Types, Tuned and Switch."""
     folder = tmp_path_factory.mktemp("fmus")
     environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     subprocess.run(
@@ -42,6 +42,27 @@ def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
         foreign_fmus.build(gcc, version, folder)
     foreign_fmus.build_arrays(gcc, folder)
     return folder
+
+
+@pytest.fixture(scope="session", params=[2, 3])
+def coupled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with the FMUs Node, Mass, Spring and Circuit, written in C, of FMI 2.0 and of FMI 3.0."""
+    return built_coupled(tmp_path_factory, request.param)
+
+
+@pytest.fixture(scope="session")
+def coupled_2(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Those of FMI 2.0, whose inputs go in a straight line."""
+    return built_coupled(tmp_path_factory, 2)
+
+
+def built_coupled(tmp_path_factory: pytest.TempPathFactory, fmi: int) -> Path:
+    """Folder with FMUs for loops."""
+    if shutil.which("gcc") is None or (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("gcc on Linux on x86-64 compiles the FMUs")
+    from coupled import coupled_fmus
+
+    return coupled_fmus.build(tmp_path_factory.mktemp("coupled"), fmi)
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ UNITS = {
     "Faulty": {"u": "V", "y": "s", "at": "s"},
     "Types": {},
     "Tuned": {"u": "V", "seen": "V"},
+    "Switch": {},
 }
 ATTRIBUTES = {
     ("Lag", "time.constant"): {"min": "0.001", "max": "1000"},
@@ -54,7 +55,7 @@ def finish(root: ElementTree.Element) -> None:
 
 def build(script: Path, folder: Path) -> None:
     """Package one slave and rewrite its model description."""
-    stock = FmuBuilder.build_FMU(script, dest=folder)
+    stock = FmuBuilder.build_FMU(script, dest=folder, canGetAndSetFMUstate=script.stem == "stock_switch")
     with zipfile.ZipFile(stock) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
     root = ElementTree.fromstring(members["modelDescription.xml"])

@@ -9,7 +9,7 @@ import pytest
 from test_compare_cli import gapsense, results, three  # noqa: F401  # three results, of 11 rows each
 
 from gapsense import Scenario
-from gapsense._os.checked import SEAL, sealed
+from gapsense._os.files import SEAL, sealed
 from gapsense.cosim import compare_results, test_scenario, update_baseline
 from gapsense.cosim.result.compare import apart
 

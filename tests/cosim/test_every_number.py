@@ -26,6 +26,8 @@ stop = 1.0
 base_step = 0.1
 pace = 1e5
 step_limit = 10.0
+loop_tolerance = 1e-8
+loop_evaluations = 50
 
 [components.source]
 fmu = "Source"

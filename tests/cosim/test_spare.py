@@ -8,11 +8,10 @@ from operator import itemgetter
 import pytest
 import unflushed
 
-from gapsense._os import prestart as spare
-from gapsense._os.prestart import ahead
+from gapsense._os import processes as spare
 from gapsense.cosim import ScenarioError, run, sweep
 from gapsense.cosim.fmu.instance import is_needed
-from gapsense.many.ahead import runs_ahead
+from gapsense.cosim.run import ahead as of_runs
 
 
 def answer_of(process):
@@ -22,9 +21,9 @@ def answer_of(process):
 
 
 def test_next_process_is_the_one_that_was_started_ahead_and_has_loaded_its_modules():
-    with ahead("this"):  # which prints a text
+    with spare.ahead("this"):  # which prints a text
         (waiting,) = spare._waiting
-        with ahead("this", count=2):  # has what is there already
+        with spare.ahead("this", count=2):  # has what is there already
             taken = spare.process(limit=3.0)
         assert taken is waiting
         assert taken.limit == 3.0
@@ -41,7 +40,7 @@ def test_next_process_is_the_one_that_was_started_ahead_and_has_loaded_its_modul
 
 
 def test_one_that_is_taken_is_followed_by_another_on_request_and_the_last_is_ended():
-    with ahead(again=True):
+    with spare.ahead(again=True):
         first, second = spare.process(), spare.process()
         (last,) = spare._waiting
         assert len({id(first), id(second), id(last)}) == 3
@@ -50,13 +49,13 @@ def test_one_that_is_taken_is_followed_by_another_on_request_and_the_last_is_end
     assert not spare._waiting
     assert last.process.returncode is not None
     assert not last.folder.exists()
-    with ahead():
+    with spare.ahead():
         spare.process().close()
         assert not spare._waiting
 
 
 def test_function_of_a_module_elsewhere_gets_a_process_that_finds_it():
-    with ahead():
+    with spare.ahead():
         guest = spare.process(guest=run)
         assert len(spare._waiting) == 1
         guest.close()
@@ -114,8 +113,8 @@ fmu = "NAME"
     ("Source.fmu", "vectors", 1),
 ])  # fmt: skip
 def test_many_runs_start_processes_ahead_unless_vectors_will_do_them(tmp_path, monkeypatch, name, engine, count):
-    monkeypatch.setattr("gapsense.many.ahead.likely_vectors", lambda engine: engine != "fmu")
+    monkeypatch.setattr(of_runs, "likely_vectors", lambda engine: engine != "fmu")
     (tmp_path / "scenario.toml").write_text(FOREIGN.replace("NAME", name), encoding="utf-8")
-    with runs_ahead(1, engine, tmp_path / "scenario.toml"):
+    with of_runs.runs_ahead(1, engine, tmp_path / "scenario.toml"):
         assert len(spare._waiting) == count
     assert not spare._waiting

@@ -40,9 +40,14 @@ def plainly(metric, result):
     if metric.reference is not None:
         other = result[metric.reference][rows]
     kind = KINDS[metric.kind]
+    if kind.takes_flows:
+        return kind.compute(samples, other, *(result[flow][rows] for flow in metric.flows))
     if kind.takes_times:
         return kind.compute(samples - other, result.times[rows] - (metric.after or 0.0))
     return kind.compute(samples, other) if kind.reference == "axis" else kind.compute(samples - other)
+
+
+FLOWS = (None, ("gain.y", "source.y"))
 
 
 def test_metrics_that_share_samples_have_the_values_of_each_alone(write, chain, fmus):
@@ -50,7 +55,7 @@ def test_metrics_that_share_samples_have_the_values_of_each_alone(write, chain, 
     result = run(write(slow), fmus=fmus)
     windows = [(None, None), (0.2, None), (None, 0.7), (0.2, 0.7)]
     metrics = [
-        Metric(f"{kind} {signal} {place}", kind, signal, other, *window, where=where)
+        Metric(f"{kind} {signal} {place}", kind, signal, other, *window, where=where, flows=FLOWS[about.takes_flows])
         for kind, about in KINDS.items()
         for signal, other in (("source.y", "lag.y"), ("lag.y", "gain.y"))
         for place, window in enumerate(windows)

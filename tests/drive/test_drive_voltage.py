@@ -12,8 +12,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gapsense.drive import drive_voltage as drive
-from gapsense.drive.bridge import Kind
-from gapsense.drive.drive_voltage import Inputs, Parameters, State, Waveform
+from gapsense.drive.drive_voltage import Inputs, Kind, Parameters, State, Waveform
 from gapsense.fmi.tables import running_integral
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code

@@ -10,6 +10,7 @@ from c_code import driven
 from lossy_valve import HALF, START, T_S
 
 from gapsense.actuators import reluctance_actuator
+from gapsense.estimators import readings
 from gapsense.studies.devices import RTS_VALVE
 
 CYCLES, CYCLE = 6, 2 * HALF
@@ -74,6 +75,16 @@ def errors(found: dict[str, np.ndarray], s: Plant, first: int = START + CYCLE) -
 def says(found: dict[str, np.ndarray], cause: float) -> np.ndarray:
     """Where the health names a cause."""
     return (found["health_causes"].astype(int) & int(cause)) > 0
+
+
+def learnt(found: dict[str, np.ndarray], first: int = START) -> int:
+    """The sample from which two motions are explained; from the first voltage until then `health` is 0 for that."""
+    told = np.flatnonzero(says(found, readings.UNLEARNT))
+    last = first + told.size
+    np.testing.assert_array_equal(told, np.arange(first, last))
+    assert HALF < told.size < 2 * CYCLE
+    np.testing.assert_array_equal(found["health"][:last], np.arange(last) < first)
+    return last
 
 
 def changed(signal: np.ndarray, where: slice, value: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from lossy_valve import T_S
 from mhe_signals import blind, rows, run
 
 from gapsense.actuators import play_actuator
+from gapsense.estimators import readings
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import stepped
@@ -68,6 +69,20 @@ def test_it_learns_a_device_whose_first_windows_nothing_explains() -> None:
     """A first window that was not explained was the end of the search: 4 of 40 devices stayed wrong for good."""
     wrong = wrong_operations(4, 40)
     assert wrong.mean() < 0.01 and not wrong[:, -4:].any()
+
+
+def test_a_device_that_is_not_learnt_yet_is_no_healthy_one() -> None:
+    """Each of the samples that were wrong in the first operation had `health` 1."""
+    s, first, wrong = played(51, 20), slice(LEAD, LEAD + HALF), 0
+    for n in range(20):
+        found = run(blind(), rows(s.voltage[:, n], s.current[:, n]))
+        is_wrong = (np.abs(found["position"] - s.position[:, n]) > 100e-6)[first]
+        wrong += int(is_wrong.sum())
+        assert not np.any(found["health"][first][is_wrong])
+        is_unlearnt = (found["health_causes"].astype(int) & int(readings.UNLEARNT)) > 0
+        assert np.all(is_unlearnt[first]) and not is_unlearnt[: LEAD - 1].any()
+        assert not is_unlearnt[LEAD + FIRST * HALF :].any()
+    assert wrong > 500
 
 
 def test_little_of_the_wrong_time_is_silent_at_low_reserve() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pytest
 
+from gapsense.estimators import readings
 from gapsense.estimators.monitor import monitor
 from gapsense.estimators.monitor.records import Inputs, Kept, Outputs, Parameters, Verdict
 from gapsense.estimators.monitor.signatures import CAUSES, GRADUAL, MISSING, SUDDEN, direction
@@ -168,6 +169,7 @@ def test_the_current_of_a_coil_that_has_cooled_counts(bench: Bench) -> None:
 
 def test_neither_noise_nor_a_cold_coil_nor_mhe_alone_is_a_fault(bench: Bench) -> None:
     assert set(operated(bench, 4, causes=1.0)) == {float(Verdict.healthy)}
+    assert set(operated(bench, 4, profile=[0.1] * 8, causes=readings.UNLEARNT)) == {float(Verdict.healthy)}
     assert set(operated(bench, 2, profile=[0.01] * 8)) == {float(Verdict.healthy)}
     if bench.is_on:
         bench.operate()

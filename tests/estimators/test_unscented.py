@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.estimators.kalman import Gaussian
-from gapsense.estimators.unscented import columns, condition_on_last, moments, pair
+from gapsense.estimators.ukf import columns, condition_on_last, moments, pair
 from gapsense.kernels.linalg import vector
 
 SPREADS = (3.0, 5.0, 8.0, 20.0)

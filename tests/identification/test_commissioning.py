@@ -18,6 +18,7 @@ from gapsense.identification.actuator import fit
 from gapsense.identification.actuator import fit as problem
 from gapsense.identification.actuator import show as file
 from gapsense.identification.actuator.drive import read_excitation
+from gapsense.identification.actuator.kernel import USUAL
 from gapsense.identification.actuator.show import doubts, missing
 from gapsense.identification.least_squares import Minimum
 from gapsense.identification.measurements.record import Columns, to_record
@@ -61,7 +62,7 @@ def found():
 
 def test_a_record_of_the_model_gives_its_parameters_back(found):
     """From beliefs that are wrong by up to 5 % and guesses of the losses; errors are what the standard errors say."""
-    assert set(found.names) == set(problem.DEVIATIONS)
+    assert set(found.names) == set(problem.DEVIATIONS) and found.beyond == USUAL
     right = fit.with_bend(TRUE)._replace(gap_factor=TRUE.gap_slope / BELIEVED.gap_slope)
     off = np.array([np.log(getattr(found.parameters, name) / getattr(right, name)) for name in found.names])
     assert np.all(np.abs(off) < 3.0 * np.array([*found.errors.values()])), dict(zip(found.names, off))

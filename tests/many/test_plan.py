@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gapsense.cosim.scenario.records import Port
 from gapsense.many.plan import Block, Plan
-from gapsense.many.study import Study, read_study
+from gapsense.many.prepare import Study, read_study
 
 
 def load_study(path: Path) -> Study:

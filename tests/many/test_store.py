@@ -216,6 +216,17 @@ def test_a_flipped_bit_is_told_or_changes_nothing(tmp_path_factory, caplog, data
     assert len(missing) <= 1 or "kept as _damaged-campaign.sqlite" in caplog.text
 
 
+@pytest.mark.parametrize("bit", range(1, 8))
+def test_a_file_that_damage_made_one_to_read_only_is_told_and_rebuilt(tmp_path, caplog, bit):
+    filled(tmp_path)
+    expected, file = content(tmp_path), tmp_path / NAME
+    damaged = bytearray(file.read_bytes())
+    damaged[18] ^= 1 << bit  # the version of the format for those who write
+    file.write_bytes(damaged)
+    assert computed_again(tmp_path) == [] and content(tmp_path) == expected
+    assert "kept as _damaged-campaign.sqlite" in caplog.text
+
+
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 7))
 def test_a_flipped_bit_in_the_log_of_a_killed_writer_costs_no_more_than_runs_that_are_told(

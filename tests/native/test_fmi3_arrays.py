@@ -10,7 +10,7 @@ import pytest
 from native3 import FOLDERS, Instance, bits, fmu, placed, reference  # noqa: F401
 
 from gapsense.fmi.components import kernel_of, load_component, own
-from gapsense.fmi.fmi3.constants import shapes
+from gapsense.fmi.fmi3.variables import shapes
 
 DRIVE, EKF = own("drive_voltage"), own("ekf")
 TIMES, VOLTS = [0.0, 0.01, 0.02, 0.03, 0.05], [1.0, 5.0, -2.0, 0.1, 3.0]

@@ -69,6 +69,7 @@ def test_metric_of_samples_is_that_of_a_run(page, kind):
     y, x, times = draw.normal(size=300), draw.normal(size=300), np.arange(300) * 1e-3
     of = KINDS[kind]
     arguments = [y, x] if of.reference == "axis" else [y, times] if of.takes_times else [y]
+    arguments += [draw.normal(size=300), draw.normal(size=300)] if of.takes_flows else []
     found = page.evaluate("([kind, args]) => MEASURES[kind](...args)", [kind, [a.tolist() for a in arguments]])
     assert found == pytest.approx(of.compute(*arguments), rel=1e-12)
 
@@ -101,3 +102,16 @@ def test_part_of_a_run_is_nan_where_it_has_not_come(page):
 def test_window_of_a_metric_counts_from_the_first_beginning_of_its_event(page, metric, window):
     run = {"events": [["bad", 4, 5], ["bad", 7, None]]}
     assert page.evaluate("([metric, run, plan]) => windowOf(metric, run, plan)", [metric, run, TIMES]) == window
+
+
+def test_bond_takes_the_values_that_the_steps_had(page):
+    """With Jacobi those of inputs stand a row before."""
+    plan = {**TIMES, "decimation": 1, "count": 3, "components": [{"name": "a", "step": 1, "offset": 0}]}
+    signals = {"a.e": [1.0, 2.0, 3.0, 4.0], "b.e": [5.0, 1.0, 2.0, 0.0], "a.f": [1.0, 1.0, 2.0, 2.0], "b.f": [3.0] * 4}
+    plan["signals"] = [[name, ""] for name in signals]
+    metric = {"kind": "bond", "signal": "a.e", "reference": "b.e", "flows": ["a.f", "b.f"]}
+    late = {**metric, "isLate": [False, True, True, False]}
+    run = {"rows": 4, "times": [0.0] * 4, "signals": signals, "events": []}
+    found = page.evaluate("([metric, run, plan]) => measure(metric, run, plan)", [late, run, plan])
+    e, o, f, g = np.array([2.0, 3.0, 4.0]), np.array([5.0, 1.0, 2.0]), np.array([1.0, 1.0, 2.0]), np.full(3, 3.0)
+    assert found == pytest.approx(KINDS["bond"].compute(e, o, f, g))

@@ -20,7 +20,7 @@ from test_html_page import EVIL, Page
 from typer.testing import CliRunner
 
 from gapsense import read_campaign
-from gapsense._os.checked import SEAL, sealed
+from gapsense._os.files import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.scenario.read import changed

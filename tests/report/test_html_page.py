@@ -22,7 +22,7 @@ from html_many import made_campaign, made_sweep
 from html_results import made
 from typer.testing import CliRunner
 
-from gapsense._os.checked import SEAL, sealed
+from gapsense._os.files import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.result.result import Timing

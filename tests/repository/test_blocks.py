@@ -38,7 +38,7 @@ LONG = (
     "regression",
     "report",
 )
-LONG = (*LONG, "run-to-run", "run-to-run-study", "ssp", "tutorial")
+LONG = (*LONG, "firmware", "run-to-run", "run-to-run-study", "ssp", "tutorial")
 
 
 @pytest.fixture
@@ -154,11 +154,18 @@ def cc() -> None:
         pytest.skip("no program `cc`")
 
 
+def arm() -> None:
+    """What builds programs for boards, and what emulates these."""
+    if missing := [tool for tool in ("make", "arm-none-eabi-gcc", "qemu-system-arm") if shutil.which(tool) is None]:
+        pytest.skip(f"{', '.join(missing)} not installed")
+
+
 BEFORE = {
     "README.md": newcomer,
     "CONTRIBUTING.md": newcomer,
     "campaigns.md": address,
     "estimators.md": examples,
+    "firmware.md": arm,
     "microcontrollers.md": cc,
     "native.md": compiler,
     "page.md": zig,

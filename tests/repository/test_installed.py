@@ -77,7 +77,7 @@ def test_wheel_holds_components_examples_and_the_same_fmus(archives, fmus):
 def test_installed_package_is_the_one_that_runs_and_has_the_sources_of_the_checkout(gapsense):
     _, work, python = gapsense
     show = (
-        "from gapsense import shipped; from gapsense._os.checked import fingerprint; "
+        "from gapsense import shipped; from gapsense._os.files import fingerprint; "
         "from gapsense.many.provenance import sources; print(shipped.ROOT, fingerprint(sources()))"
     )
     (root, theirs), (_, ours) = (

@@ -61,6 +61,7 @@ to = "other.u"
 factor = 1.5
 unit = "V"
 delayed = true
+mean = true
 [inputs]
 "types.label" = "n = "
 "types.step" = { times = [-0.3, 0.35, 1.2], values = [1, 2, 5], interpolation = "hold" }
@@ -105,7 +106,8 @@ def test_all_comes_back_with_the_same_bits(scenario, stock, tmp_path, variant):
     assert check(scenario, fmus=stock) == []
     export(scenario, tmp_path / "a.ssp", variant, stock)
     bring(tmp_path / "a.ssp", tmp_path / "back")
-    assert '"third.u" = "types.half"' in (tmp_path / "back" / "scenario.toml").read_text()  # units that are not told
+    text = (tmp_path / "back" / "scenario.toml").read_text()
+    assert '"third.u" = "types.half"' in text and "mean = true" in text  # units that are not told
     result, again = run(scenario, variant, stock), run(tmp_path / "back")
     assert result.signals.keys() == again.signals.keys()
     assert all(np.array_equal(result[name], again[name]) for name in result.signals)

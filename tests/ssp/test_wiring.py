@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from packages import UNITS, bindings, component, connectors, linear, link, structure, system
 
-from gapsense.ssp.scenario import Wiring, plain_names
+from gapsense.ssp.bring import Wiring, plain_names
 from gapsense.ssp.structure import read_element
 from gapsense.ssp.units import read_units
 from gapsense.ssp.words import tag

@@ -9,8 +9,7 @@ from threading import Lock, Thread
 from typing import Any, NamedTuple, Protocol
 
 from gapsense._os.interrupts import counted
-from gapsense._os.prestart import process
-from gapsense._os.processes import Died, Marks
+from gapsense._os.processes import Died, Marks, process
 
 Entry = dict[str, Any]  # a number, `index`, and what was answered
 Answer = Callable[[Any], Mapping[str, Any]]

@@ -45,6 +45,9 @@ def export_c(
     lean: Annotated[
         bool, typer.Option("--lean", help="Use the form with fewer operations, whose rounding differs (semera only)")
     ] = False,
+    loop: Annotated[
+        bool, typer.Option("--loop", help="Add the program of a board that is a component of a co-simulation")
+    ] = False,
     root: Root = None,
 ) -> None:
     """Write components as C99 for microcontrollers: source, header, a working example and a README."""
@@ -62,7 +65,7 @@ def export_c(
     designs = [designed(folder, real.value, wanted, values[folder], bake, lean) for folder in folders]
     for design in designs:
         show(f"{design.name:20} {', '.join(design.kept['outputs'])}")
-    files = export(designs, to)
+    files = export(designs, to, loop)
     written(*(file for file in files if file.suffix in (".c", ".h") and file.parent == to), to / "README.md")
 
 

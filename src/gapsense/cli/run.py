@@ -55,7 +55,9 @@ def run(
     from gapsense.report import runs  # here: the progress bar loads it while the run goes on
 
     try:
-        show(*runs.metrics(result), *runs.events(result), runs.timing(result))
+        show(
+            *runs.metrics(result), *runs.events(result), *runs.loops(result), *runs.boards(result), runs.timing(result)
+        )
     finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
         is_stopped = save(result, file)
     for remark in result.run.remarks:

@@ -15,8 +15,7 @@ from gapsense.cli import console
 from gapsense.cli.compare import draw
 from gapsense.cli.run import TO
 from gapsense.cli.run import run as run_scenario
-from gapsense.cosim.run.ahead import run_ahead
-from gapsense.many.ahead import runs_ahead
+from gapsense.cosim.run.ahead import run_ahead, runs_ahead
 from gapsense.problems import number_of
 from gapsense.report import runs
 from gapsense.shipped import is_installed

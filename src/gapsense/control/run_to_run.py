@@ -11,11 +11,36 @@ from __future__ import annotations
 
 import math
 
-from gapsense.control import correction, learning
-from gapsense.control.bend import watched
-from gapsense.control.coil import first_coil, integrated, steadied
-from gapsense.control.judging import judged_by_estimator, listened, warned
-from gapsense.control.operations import turned
+from gapsense.control import correction, laws, learning
+from gapsense.control.bend import due, watched
+from gapsense.control.coil import (
+    WARM,
+    closed,
+    first_coil,
+    held_resistance,
+    integrated,
+    is_scarce,
+    steadied,
+    told,
+    topped,
+    usual_current,
+    wandering,
+    zeroed,
+)
+from gapsense.control.judging import (
+    GOOD,
+    LOWER,
+    UPPER,
+    YOUNG,
+    judged_by_contact,
+    judged_by_current,
+    judged_by_estimator,
+    judged_by_reluctance,
+    listened,
+    warned,
+)
+from gapsense.control.mover import balance
+from gapsense.control.profile import stops
 from gapsense.control.records import (
     BAD,
     CLOSING,
@@ -23,20 +48,246 @@ from gapsense.control.records import (
     LONGEST,
     NOTHING,
     OPENING,
+    Coil,
     Heard,
     Inputs,
     LawKind,
+    Noted,
     Outputs,
     Parameters,
     Pass,
     Running,
     State,
 )
-from gapsense.control.tracking import believed, is_late, tracked
+from gapsense.control.tracking import believed, is_late, mover_of, planned, tracked
 from gapsense.estimators.readings import can_be_read
-from gapsense.kernels.layout import Scalar, zeros
+from gapsense.kernels.layout import Array, Scalar, zeros
 from gapsense.kernels.linalg import total, vector
-from gapsense.kernels.trace import cond, fabs, where
+from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where
+
+UNEXPLAINED = Noted._fields.index("unexplained")
+ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
+HARD_ROW = 3.0  # hard impacts, although a contact was listened to
+EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
+FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
+OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
+SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
+NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
+PATIENT = 8.0  # cycles after which an estimator is to be followed
+TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
+
+
+def turned(state: State, inputs: Inputs, par: Parameters) -> State:
+    """An operation ends, and the next one begins."""
+    state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _cycled(state, inputs, par))
+    return warned(_begun(state, inputs, par))
+
+
+# the end of an operation
+
+
+def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) -> State:
+    """What an operation leaves; the resistance of its samples is to be corrected."""
+    running, half, known = state.running, state.running.command, state.laws
+    law = laws.read(known, half)._replace(length=running.age)
+    first = where(half > 0.0, par.closing_travel, par.opening_travel)
+    is_warm = running.strain > WARM
+    is_limited, is_told = running.limited > laws.LIMITED, running.limited > TOLD
+    law = law._replace(travel=where(is_limited, laws.stretched(law, first), law.travel))
+    is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
+    law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
+    noted = state.noted._replace(
+        too_fast=where(is_told & not_(is_warm), 1.0, state.noted.too_fast),
+        used_up=where(is_told & is_warm, 1.0, state.noted.used_up),
+    )
+    state = state._replace(laws=laws.write(known, half, law), noted=noted)
+
+    def by_contact() -> State:
+        judged = judged_by_current(judged_by_contact(state, par), par)
+        return learning.begun(judged, half, correction, inputs.impact_speed, par)
+
+    return cond(state.by_model < 1.0, by_contact, lambda: judged_by_current(state, par))
+
+
+def _held(state: State, inputs: Inputs, par: Parameters) -> State:
+    """A closing has ended; an ordinary one tells the resistance."""
+    coil, is_plain = state.coil, state.running.is_plain > 0.0
+    R = where(is_plain, held_resistance(coil, par), coil.resistance)
+    state = state._replace(coil=coil._replace(measured=where(is_plain, R, coil.measured)))
+    state = cond(is_plain, lambda: judged_by_reluctance(state, par), lambda: state)
+    state = _ended(state, R - coil.resistance, inputs, par)
+    return state._replace(coil=_opening(state, is_plain, inputs, par))
+
+
+def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
+    """The flux linkage with which an opening begins: a mean of the last ones, or that of an estimator in its senses."""
+    coil, by_contact = state.coil, state.by_model < 1.0
+    off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
+    told = coil._replace(flux=coil.flux + where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
+    return cond(by_contact & not_(is_plain), lambda: topped(coil), lambda: told)
+
+
+def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
+    """An opening has ended, and a cycle with it; before the first command there was none."""
+    return cond(state.cycles > 0.0, lambda: _next_cycle(state, inputs, par), lambda: _informed(state, par))
+
+
+def _informed(state: State, par: Parameters) -> State:
+    """The first cycle begins."""
+    state = _unlearnt(state, 0.0, par)
+    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0), cycles=1.0)
+
+
+def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
+    """Nothing is known of either operation; with one missed, the next ones are ordinary if none was soft yet."""
+    known = state.laws
+    for half, travel in ((CLOSING, par.closing_travel), (OPENING, par.opening_travel)):
+        known = laws.write(known, half, laws.first(travel, par)._replace(missed=missed))
+    return state._replace(laws=known, course=state.course._replace(last=-1.0))
+
+
+def _handed_over(state: State, inputs: Inputs, par: Parameters) -> State:
+    """To the estimator, if there is one, where what the contact teaches lands hard again and again, or would."""
+    is_hard = (state.landed_hard >= HARD_ROW) | _is_noisy(state, par)
+    is_due = (state.by_model < 1.0) & is_hard & _is_told(state, inputs, par)
+    return cond(is_due, lambda: _unlearnt(state, 0.0, par)._replace(by_model=1.0, landed_hard=0.0), lambda: state)
+
+
+def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
+    followed = state.by_model
+    state = _handed_over(state, inputs, par)
+    is_plain, by_contact = state.running.is_plain > 0.0, state.by_model < 1.0
+    coil: Coil = cond(is_plain, lambda: zeroed(state.coil, par), lambda: state.coil)
+    is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
+    new = cond(
+        by_contact,
+        lambda: closed(coil, state.since_plain + 1.0, is_open, par),
+        lambda: told(coil, state.cycles, inputs, par),
+    )
+    used = where(by_contact, new.measured, new.resistance)
+    state = _ended(state, used - coil.resistance, inputs, par)
+    is_off = fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par)
+    is_off = is_off | (fabs(coil.voltage_zero - state.coil.voltage_zero) > SHIFTED * par.voltage_most)
+    state = cond(by_contact & is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
+    is_grown = ((state.cycles == YOUNG) | (state.since_plain == YOUNG)) & not_(is_scarce(state.coil, par))
+    known = cond(is_grown, lambda: _grown(state.laws, par), lambda: state.laws)
+    return state._replace(
+        coil=new,
+        laws=known,
+        cycles=state.cycles + 1.0,
+        alarm=where(state.by_model > followed, 0.0, state.alarm),  # another law is the answer then
+        since_plain=state.since_plain + 1.0,
+        remembered=vector([*_noted(state, par)]),
+        noted=NOTHING,
+        explained=0.0,
+    )
+
+
+def _grown(known: Array, par: Parameters) -> Array:
+    """What was short while the model was young is forgotten."""
+    for half in (CLOSING, OPENING):
+        known = laws.write(known, half, laws.read(known, half)._replace(floor=par.approach_least))
+    return known
+
+
+def _noted(state: State, par: Parameters) -> Noted:
+    """With what only a whole cycle tells."""
+    is_ready = (state.is_ready > 0.0) | (state.since_plain > 0.0) | (state.cycles < PATIENT)
+    unexplained = (state.by_model > 0.0) & ((state.explained < 1.0) | not_(is_ready))
+    unexplained = unexplained | (state.noted.unexplained > 0.0)
+    shifted = fabs(state.coil.voltage_zero) > SHIFTED * par.voltage_most
+    return state.noted._replace(
+        unexplained=where(unexplained, 1.0, 0.0),
+        shifted=where(shifted, 1.0, 0.0),
+        noisy=where(_is_noisy(state, par), 1.0, 0.0),
+    )
+
+
+def _is_noisy(state: State, par: Parameters) -> Scalar:
+    """Whether the noise of the current makes the loop's flux linkage too wrong for soft landings."""
+    return wandering(state.coil, par) > NOISY * state.running.balance_flux
+
+
+# the beginning of an operation
+
+
+def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
+    """Soft, if a cycle begins for which enough is known."""
+    half, by_contact = 1.0 - state.running.command, state.by_model < 1.0
+    law, is_closing, is_ready = laws.read(state.laws, half), half > 0.5, _is_ready(state, inputs, par)
+    falls_back, is_unsure = is_closing & _falls_back(state), not_(by_contact) & (law.missed >= laws.UNJUDGED)
+    goes_on = not_(is_closing) & ((state.running.is_plain > 0.0) | is_unsure)
+    is_plain = goes_on | falls_back | (is_closing & (not_(is_ready) | (inputs.enable <= 0.5)))
+    starts_again = falls_back & not_(by_contact)  # until the estimator explains some windows again
+    learnt = vector([*_learnt(state, inputs, par), *(where(by_contact, x, 0.0) for x in law.mean)])
+    m = mover_of(learnt, par)
+    z0, _ = stops(is_closing, m)
+    start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
+    is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
+    is_plain = is_plain | is_there | (state.alarm > 0.0)
+    began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
+    is_unexplained = starts_again & (state.alarm < 1.0)
+    return state._replace(
+        noted=state.noted._replace(unexplained=where(is_unexplained, 1.0, state.noted.unexplained)),
+        laws=laws.write(state.laws, half, laws.started(law, is_plain)),
+        running=Running(
+            command=half,
+            age=0.0,
+            is_plain=where(is_plain, 1.0, 0.0),
+            start_flux=start,
+            speed=law.speed,
+            travel=law.travel,
+            learnt=learnt,
+            balance_flux=sqrt(balance(z0, m)),
+            wanted=0.0,
+            limited=0.0,
+            since_limit=0.0,
+            due=due(planned(half, law.speed, law.travel, 0.0, par), par),
+            is_judged=0.0,
+            last_age=state.running.age,
+            last_is_judged=state.running.is_judged,
+            strain=0.0,
+        ),
+        heard=Heard(last_mode=inputs.mode, began=began, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
+        alarm=where(state.alarm > 0.0, state.alarm - 1.0, 0.0),
+        since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
+        by_model=where(starts_again & (par.law == LawKind.contact), 0.0, state.by_model),
+        is_ready=where(starts_again, -1.0, where(is_closing & is_ready, 1.0, state.is_ready)),
+        explained_well=where(starts_again, 0.0, state.explained_well),
+    )
+
+
+def _falls_back(state: State) -> Scalar:
+    """Whether an ordinary cycle is due; an estimator that has explained nothing in the last one is not followed."""
+    closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
+    is_lost = (state.is_ready > 0.0) & (state.by_model > 0.0) & (state.remembered[UNEXPLAINED] > 0.0)
+    return is_lost | (state.alarm > 0.0) | (closing.missed >= laws.UNJUDGED) | (opening.missed > ROW)
+
+
+def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:
+    """Whether enough is known for soft cycles: one that the contact has heard, or two by an estimator in time."""
+    closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
+    is_heard = (state.cycles > 1.0) & (closing.missed < 1.0) & (opening.missed < 1.0)
+    by_contact = state.by_model < 1.0
+    return (state.is_ready > 0.0) | (by_contact & is_heard) | (not_(by_contact) & _is_told(state, inputs, par))
+
+
+def _is_told(state: State, inputs: Inputs, par: Parameters) -> Scalar:
+    """Whether an estimator can be followed: it has explained two operations in a row, and is in time."""
+    closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
+    cycle = (closing.length + opening.length) * par.sample_time
+    is_good = (state.explained_well >= EXPLAINED) & not_(inputs.estimated_mass == state.first_mass)
+    is_good = is_good & (fabs(state.coil.voltage_zero) < SHIFTED * par.voltage_most)
+    return (state.cycles > 2.0) & is_good & (inputs.time - state.smoothed_until < cycle)
+
+
+def _learnt(state: State, inputs: Inputs, par: Parameters) -> list[Scalar]:
+    """Factor and bend of the gap, rest, mass, damping: those that an estimator has learnt, if there is one."""
+    has_learnt = (state.by_model > 0.0) & (inputs.windows > 0.0) & (inputs.estimated_mass > 0.0)
+    gap = (inputs.estimated_gap_factor, inputs.estimated_gap_bend)
+    found = (*gap, inputs.estimated_rest_position, inputs.estimated_mass, inputs.estimated_viscous_damping)
+    return [where(has_learnt, new, old) for new, old in zip(found, believed(par))]
+
 
 FASTEST = 1e3  # impact speed that can be [m/s]
 IDLE, LEARNING, TRACKING, SHORT, BACK, OPEN = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0  # states

@@ -27,6 +27,7 @@ from gapsense.cosim.fmu.descriptions import (
     find_fmu,
     mended,
 )
+from gapsense.cosim.fmu.line import wrong_board
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, varied
 from gapsense.cosim.scenario.records import (
@@ -227,7 +228,7 @@ class Checker:
         sets = check_sets(self.scenario.components, self.descriptions)
         wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
         values = (self.values(), self.rules(), *wiring, self.events(), self.seeds(), self.grid())
-        for problem in chain(self.singles(), sets, *values):
+        for problem in chain(self.singles(), self.boards(), sets, *values):
             yield f"{self.scenario.path.name}, {problem}"
 
     def singles(self) -> Iterator[str]:
@@ -240,6 +241,21 @@ class Checker:
             if description.is_single and other != name:
                 remedy = f'Give `components.{name}` a process of its own: `isolation = "process"`.'
                 yield f"components.{name}.fmu: `{other}` uses it too, and a process can hold only one. {remedy}"
+
+    def boards(self) -> Iterator[str]:
+        """Boards: of a known kind, with a firmware where one is needed; a board has each of its components once."""
+        there: dict[tuple[str, str], str] = {}
+        for name, component in self.scenario.components.items():
+            problem = wrong_board(component.board, component.firmware) if component.board else ""
+            if component.firmware and not component.board:
+                problem = "firmware: it is for a `board`, which is missing. Add one."
+            if component.board and component.isolation == "process":
+                problem = "isolation: a board is apart already. Leave it out."
+            other = there.setdefault((component.board, component.fmu), name)
+            if component.board and other != name:
+                problem = f"board: `{other}` is on it with the same FMU. Give one of them another board."
+            if problem:
+                yield f"components.{name}.{problem}"
 
     def values(self) -> Iterator[str]:
         """Parameters: known, of the right type, within their limits; steps that fit the sample time."""
@@ -387,12 +403,26 @@ class Checker:
                     yield f"components.{name}: nothing drives `{port}`. Connect it or list it in `[inputs]`{start}."
 
     def loops(self) -> Iterator[str]:
-        """No loop of direct feedthrough."""
+        """No loop of direct feedthrough, or one of components that can repeat their steps."""
         known = [c for c in self.scenario.connections if self.variable(c.source) and self.variable(c.target)]
         try:
-            execution_order([n for n in self.scenario.components if n in self.descriptions], known, self.descriptions)
+            names = [name for name in self.scenario.components if name in self.descriptions]
+            order = execution_order(names, known, self.descriptions, self.scenario.experiment.method)
         except FeedthroughCycleError as error:
             yield f"connections: {error}"
+            return
+        loops = [name for loop in order.loops for name in loop]
+        for name in (name for name in loops if self.scenario.components[name].board):
+            yield (
+                f"components.{name}.board: a board is in a loop, which `iterative` repeats from saved states; that"
+                " needs FMUs. Take it out of the loop with `delayed = true` in `[[connections]]`, or run its FMU."
+            )
+        for name in (name for name in loops if not self.descriptions[name].can_return):
+            yield (
+                f"components.{name}.fmu: `{self.descriptions[name].path.name}` cannot save its state "
+                "(canGetAndSetFMUstate), and it is in a loop, which `iterative` repeats from saved states. Export it "
+                "with that, or take it out of the loop with `delayed = true` in `[[connections]]`."
+            )
 
 
 # Signals that inputs follow against the variables of these inputs and the time of the run.
@@ -711,7 +741,8 @@ def unmatched(patterns: Iterable[str], names: Iterable[str], place: str) -> Iter
 def metric_problems(metric: Metric, recorded: Mapping[str, Variable], descriptions: Descriptions) -> Iterator[str]:
     """Problems of one metric: signals recorded, reference known, times in seconds, units equal."""
     place = f"metrics.{metric.name}"
-    for key, signal in {"signal": metric.signal, "where": metric.where, "time": metric.time}.items():
+    flows = {f"flows[{k}]": flow for k, flow in enumerate(metric.flows or ())}
+    for key, signal in {"signal": metric.signal, "where": metric.where, "time": metric.time, **flows}.items():
         if signal is not None and signal not in recorded:
             yield f"{place}.{key}: {not_recorded(signal, recorded, descriptions)}"
     units = {name: variable.unit for name, variable in recorded.items() if variable.unit}
@@ -724,6 +755,12 @@ def metric_problems(metric: Metric, recorded: Mapping[str, Variable], descriptio
     target = recorded.get(name) or (None if is_axis else parameter(name, descriptions))
     if target is None:
         yield f"{place}.reference: {not_recorded(name, recorded, descriptions)}"
+    elif metric.flows and len({(units.get(n), units.get(f)) for n, f in zip((metric.signal, name), metric.flows)}) > 1:
+        ends = [
+            f"{n} [{units.get(n, '')}] and {f} [{units.get(f, '')}]"
+            for n, f in zip((metric.signal, name), metric.flows)
+        ]
+        yield f"{place}: {' at one end, '.join(ends)} at the other: units differ. Correct the signals."
     elif target.unit and not is_axis and units.get(metric.signal, target.unit) != target.unit:
         pair = f"{metric.signal} [{units[metric.signal]}] is compared with {name} [{target.unit}]"
         yield f"{place}: {pair}: units differ. Correct the reference."

@@ -16,8 +16,7 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import sealed
-from gapsense._os.files import refuse_unwritable, write_atomically, write_json
+from gapsense._os.files import refuse_unwritable, sealed, write_atomically, write_json
 from gapsense.cosim.check import check_size, memory, prepare, within
 from gapsense.cosim.coupling import is_sampled, measured_file, subject
 from gapsense.cosim.fmu.descriptions import Description, Descriptions

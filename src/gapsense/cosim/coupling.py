@@ -8,8 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from gapsense._os.checked import fingerprint, is_sealed
-from gapsense._os.files import read_json
+from gapsense._os.files import fingerprint, is_sealed, read_json
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.records import Component, Scenario, execution_order, reached

@@ -22,7 +22,8 @@ from gapsense.cosim.run.run import run_once
 from gapsense.cosim.scenario.records import Component, Port, Scenario
 from gapsense.tables import Value, is_number
 
-PERTURBATION, DRAWS = 1e-9, 4
+PERTURBATION = 1e-9  # relative change of every parameter and constant input, but of what is `KEPT`
+DRAWS = 4  # runs, each with other directions
 KEPT = ("s", "Hz", "1")  # units of what may lie on the time grid, as an edge or its share of a period, or be a count
 
 
@@ -48,23 +49,13 @@ class Growth:
         return f"{self.signal}: {said}, first at t = {self.since:.6g} s" if self.is_beyond else f"{self.signal}: {said}"
 
 
-def sensitivity(
-    scenario: str | Path,
-    variant: str | None = None,
-    fmus: str | Path | None = None,
-    perturbation: float = PERTURBATION,
-    draws: int = DRAWS,
-) -> list[Growth]:
+def sensitivity(scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> list[Growth]:
     """Run a scenario as it is and some times with all numbers a little changed, and compare.
 
     Parameters
     ----------
     scenario, variant, fmus : str or Path
         As in `run`.
-    perturbation : float
-        Relative change of every parameter and constant input, up or down, but of times and what has no dimension.
-    draws : int
-        Number of runs with other directions.
 
     Returns
     -------
@@ -72,9 +63,9 @@ def sensitivity(
         For each signal that the baseline covers, of all draws the worst; the most sensitive ones first.
     """
     read, descriptions = prepare(scenario, variant, fmus)
-    changed = (perturbed(read, descriptions, perturbation, draw) for draw in range(draws))
+    changed = (perturbed(read, descriptions, PERTURBATION, draw) for draw in range(DRAWS))
     first, *others = (once(each, descriptions) for each in (read, *changed))
-    found = [growth(name, first, others, read, perturbation) for name in selected(first, read.baseline)]
+    found = [growth(name, first, others, read) for name in selected(first, read.baseline)]
     return sorted(found, key=lambda g: -g.change / g.allowed if g.allowed else -math.inf)
 
 
@@ -87,7 +78,7 @@ def once(scenario: Scenario, descriptions: Mapping[str, Description]) -> Result:
     return thinned(result, scenario.baseline)
 
 
-def growth(name: str, first: Result, others: list[Result], scenario: Scenario, perturbation: float) -> Growth:
+def growth(name: str, first: Result, others: list[Result], scenario: Scenario) -> Growth:
     """Largest difference of a signal between the first run and the others."""
     tolerance, about = tolerance_of(name, scenario.baseline), first.about[name]
     allowed = tolerance.atol + tolerance.rtol * about.nominal
@@ -100,7 +91,7 @@ def growth(name: str, first: Result, others: list[Result], scenario: Scenario, p
         unit=about.unit,
         change=largest,
         allowed=allowed,
-        amplification=largest / (perturbation * about.nominal),
+        amplification=largest / (PERTURBATION * about.nominal),
         since=since,
     )
 

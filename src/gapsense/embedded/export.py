@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from gapsense.embedded.board import loop_files
 from gapsense.embedded.code import Function, constant_table
 from gapsense.embedded.design import Design
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
@@ -47,6 +48,12 @@ On a Cortex-M4F under QEMU, with the linker script and the start-up code in `cor
 `-ffp-contract=off` gives the same bits everywhere; without it a compiler may join products and sums.
 `-fno-math-errno` lets it use the square root of the processor. Nothing is checked while it runs: keep parameters and
 inputs in the ranges that the header says.{survives}
+"""
+IN_LOOP = """
+## In a co-simulation
+
+`make` builds `cortex-m4.elf`, a board for QEMU that a scenario can have in place of the FMUs (`board`, `firmware`).
+A board of yours needs a file like `qemu.c`: a byte in, a byte out, a counter.
 """
 MAIN = """{head}
 
@@ -93,9 +100,10 @@ CORTEX_M = Path(__file__).with_name("cortex_m")
 MARK = re.compile(r"(Made|Exported)\s+by\s+Gapsense")  # in every file but those of a board, which users change
 
 
-def export(designs: Sequence[Design], folder: Path) -> list[Path]:
+def export(designs: Sequence[Design], folder: Path, in_loop: bool = False) -> list[Path]:
     """Write the files of some components, what a Cortex-M needs to start, and a README; the files written."""
-    texts = written(designs)
+    texts = {**written(designs), **(loop_files(designs) if in_loop else {})}
+    texts["README.md"] += IN_LOOP * in_loop
     keep_foreign({folder / name: text for name, text in texts.items()})
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".export-") as temporary:

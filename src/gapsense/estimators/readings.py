@@ -14,8 +14,8 @@ from gapsense.kernels.layout import Scalar
 from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import where
 
-INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT = (
-    float(2**k) for k in range(10)
+INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT, UNLEARNT = (
+    float(2**k) for k in range(11)
 )
 CAUSES = {
     INNOVATION: "innovations larger than expected",
@@ -28,6 +28,7 @@ CAUSES = {
     OTHER: "device far from the one told",
     UNTOLD: "noise or switching larger than told",
     IMPACT: "first impact perhaps missed by the contact",
+    UNLEARNT: "device not learnt yet, operate it twice",
 }
 WHY_NOT = "Why not, a sum of " + ", ".join(f"{bit:.0f}: {cause}" for bit, cause in CAUSES.items())
 TWICE = 2.0  # motion and eddy currents drive more current than the voltage alone

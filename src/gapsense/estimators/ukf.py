@@ -7,6 +7,8 @@ extended one and the open loop are there to compare with.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from operator import and_
 from typing import Annotated, NamedTuple
@@ -15,7 +17,6 @@ import numpy as np
 
 from gapsense.estimators import ekf, readings
 from gapsense.estimators.kalman import Gaussian, predict
-from gapsense.estimators.unscented import Pair, columns, condition_on_last, moments, pair
 from gapsense.estimators.valve_model import (
     CURRENT_ERROR,
     FLUX_LINKAGE,
@@ -39,8 +40,78 @@ from gapsense.estimators.watch import Limits, Usual, compared, is_far, unknown
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import output, ports, same
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
-from gapsense.kernels.linalg import deviation, diagonal, matrix, nonnegative, outer, total, vector
-from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
+from gapsense.kernels.linalg import deviation, diagonal, ldl, matrix, nonnegative, outer, pivot, total, vector
+from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, square, where
+
+
+class Pair(NamedTuple):
+    """Two points centre + even + odd and centre + even - odd."""
+
+    odd: Array
+    even: Array
+
+
+def columns(P: Array, spread: Scalar, order: Sequence[int] | None = None) -> list[Array]:
+    """Columns (n,) of a square root of `spread` P, from its factors L D L'; one without information is zero.
+
+    Parameters
+    ----------
+    P : (n, n) array
+        Covariance, which may be singular.
+    spread : scalar
+        n + kappa, positive.
+    order : sequence of int, optional
+        Order in which the components are eliminated.  The column with index k leaves the first k of them where they
+        are, so that one in which a function is costly should come first: fewer points then differ in it.
+    """
+    order = order or range(len(P))
+    L, D = ldl(matrix([[P[i, j] for j in order] for i in order]))
+    made = []
+    for column, d in zip(L.T, D):
+        made.append(vector([0.0] * len(P)))
+        made[-1][list(order)] = column * sqrt(where(d < math.inf, d, 0.0) * spread)
+    return made
+
+
+def pair(centre: Iterable[Scalar], up: Iterable[Scalar], down: Iterable[Scalar]) -> Pair:
+    """The pair of points `up` and `down` around `centre`."""
+    parts = [_parts(*values) for values in zip(centre, up, down)]
+    return Pair(*(vector(values) for values in zip(*parts)))
+
+
+def _parts(centre: Scalar, up: Scalar, down: Scalar) -> tuple[Scalar, Scalar]:
+    if up is centre and down is centre:
+        return 0.0, 0.0
+    return 0.5 * (up - down), 0.5 * (up + down) - centre
+
+
+def moments(centre: Array, pairs: Sequence[Pair], spread: Scalar) -> Gaussian:
+    """Weighted mean and covariance of the points, exact up to the third power of what made them from a Gaussian.
+
+    With b the sum of weighted offsets: mean centre + b, covariance sum w (odd odd' + even even') - b b'.
+    """
+    weight = 1.0 / spread
+    b = weight * total(even for _, even in pairs)
+    n = len(centre)
+    cov = matrix([[0.0] * n for _ in range(n)])
+    for i in range(n):
+        for j in range(i, n):
+            products = total(odd[i] * odd[j] + even[i] * even[j] for odd, even in pairs)
+            cov[i, j] = cov[j, i] = weight * products - b[i] * b[j]
+    return Gaussian(centre + b, cov)
+
+
+def condition_on_last(joint: Gaussian, innovation: Scalar, R: Scalar) -> Gaussian:
+    """Estimate of all but the last component, given that this was measured with noise of variance `R`.
+
+    K = P_xy / (P_yy + R), mean x + K innovation, covariance P - K (P_yy + R) K'.  [UKF] Algorithm 3, with minus.
+    """
+    x, P, c = joint.mean[:-1], joint.cov[:-1, :-1], joint.cov[:-1, -1]
+    K = c / pivot(joint.cov[-1, -1] + R)
+    n = len(x)
+    cov = matrix([[P[i, j] - K[min(i, j)] * c[max(i, j)] for j in range(n)] for i in range(n)])
+    return Gaussian(x + K * innovation, cov)
+
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 

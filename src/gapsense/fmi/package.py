@@ -135,7 +135,11 @@ def check_records(component: Component, kernel: Kernel) -> None:
     expected = {
         "Inputs": [p.field for p in component.of("input")],
         "Outputs": [p.field for p in component.of("output")],
-        "Parameters": [f for p in component.of("parameter") for f in _parameter_fields(p)],
+        "Parameters": [
+            f
+            for p in component.of("parameter")
+            for f in [f"{p.field}_{column_name(c)}" for c in p.columns] or [p.field]
+        ],
     }
     for record, ports in expected.items():
         have = [f for f in fields(getattr(kernel.module, record)) if record != "Inputs" or f not in ("time", "dt")]
@@ -153,10 +157,6 @@ def check_records(component: Component, kernel: Kernel) -> None:
                 f"{component.name}: `{port.name}` has the choices {list(port.choices)}, its field in {component.kernel}"
                 f" {list(known.get(port.field, ()))}. Make them equal."
             )
-
-
-def _parameter_fields(port: Port) -> list[str]:
-    return [f"{port.field}_{column_name(c)}" for c in port.columns] or [port.field]
 
 
 def _sources(component: Component, kernel: Kernel) -> dict[str, str]:

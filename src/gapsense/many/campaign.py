@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from gapsense._os.checked import fingerprint
-from gapsense._os.files import PART, write_atomically
+from gapsense._os.files import PART, fingerprint, write_atomically
 from gapsense._os.workers import Progress
-from gapsense.cosim.run.ahead import AUTO, VECTORS
+from gapsense.cosim.run.ahead import AUTO, VECTORS, runs_ahead
 from gapsense.cosim.run.engines import refuse_unknown
 from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
-from gapsense.many.ahead import runs_ahead
 from gapsense.many.execute import complete, processors
 from gapsense.many.prepare import Prepared, prepare, scenario_of
 from gapsense.many.provenance import provenance, sources

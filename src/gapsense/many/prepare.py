@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,21 +11,216 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import fingerprint
-from gapsense._os.files import SHOWN
+from gapsense._os.files import SHOWN, fingerprint
 from gapsense.cosim.check import check_scenario, find_fmus, read_descriptions, taken, unmatched
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of
 from gapsense.cosim.scenario.fingerprint import deciding, facts
-from gapsense.cosim.scenario.read import read_draft, scenario_file
-from gapsense.cosim.scenario.records import Scenario, signals
+from gapsense.cosim.scenario.read import STUDY, by_port, other_kind, read_draft, read_rows, scenario_file, split
+from gapsense.cosim.scenario.records import MOST_RUNS, SECTION, Port, RowsColumn, Scenario, product, signals
 from gapsense.many.columns import OWN, columns_of
-from gapsense.many.plan import Plan
-from gapsense.many.study import Study, read_study, scenario_beside
+from gapsense.many.draws import DISTRIBUTIONS, points
+from gapsense.many.keys import FACTOR, RANGE, SAMPLE, TRAJECTORIES
+from gapsense.many.keys import STUDY as STUDY_KEYS
+from gapsense.many.plan import Block, Plan
 from gapsense.many.worker import Many, thrifty
+from gapsense.parameters import is_file, located
 from gapsense.problems import ScenarioError
-from gapsense.tables import Value, read_toml
+from gapsense.shipped import example
+from gapsense.tables import LIST, TABLES, Table, Value, read_toml
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study file says; `places` tells where in it each parameter is given, `columns` those of its rows."""
+
+    path: Path
+    title: str
+    description: str
+    scenario: Path
+    variant: str | None
+    plan: Plan
+    places: Mapping[Port, str]
+    columns: Mapping[Port, RowsColumn]
+    signals: tuple[str, ...]  # patterns of the trajectories that are kept
+    decimation: int  # of their rows
+    files: tuple[Path, ...]  # that its values name
+
+
+def read_study(path: str | Path, problems: list[str]) -> Study | None:
+    """Study of a file as far as it can be read, or None."""
+    path = Path(path)
+    if wrong := other_kind(path, STUDY):
+        problems.append(wrong)
+        return None
+    data = read_toml(path, problems)
+    return None if data is None else Reader(path, data, problems).study()
+
+
+def scenario_beside(study: Path, name: str) -> Path:
+    """The scenario that a study file names; an example counts where there is no such file."""
+    beside = study.parent / name
+    return Path(name) if not beside.exists() and example(name) else beside
+
+
+class Reader:
+    """Reads one study; `places` fills with where each parameter is given."""
+
+    def __init__(self, path: Path, data: Mapping[str, Any], problems: list[str]) -> None:
+        self.path, self.folder, self.table = path, path.parent, Table(data, path.name, "", problems)
+        self.places: dict[Port, str] = {}
+        self.columns: dict[Port, RowsColumn] = {}
+        self.files: list[Path] = []
+
+    def study(self) -> Study | None:
+        """The study, or None if there is no scenario to hold it against."""
+        own = self.table.read(STUDY_KEYS)
+        blocks = (*self.rows(own["rows"]), *self.sample(), *self.grid(), *self.ranges())
+        plan = Plan(blocks, own["seeds"], own["noise"] == "common")
+        if plan.points * plan.seeds > MOST_RUNS:
+            found = product((*(block.size for block in blocks), plan.seeds))
+            self.table.note("", f"{found} runs found, at most {MOST_RUNS} expected. Shorten something.")
+        kept = self.table.table("trajectories")
+        signals = kept.read(TRAJECTORIES) if "trajectories" in self.table.data else {}
+        return own["scenario"] and Study(
+            path=self.path,
+            title=own["title"] or "",
+            description=own["description"],
+            scenario=scenario_beside(self.path, own["scenario"]),
+            variant=own["variant"],
+            plan=plan,
+            places=self.places,
+            columns=self.columns,
+            signals=tuple(signals.get("signals") or ()),
+            decimation=signals.get("decimation") or 1,
+            files=tuple(dict.fromkeys(self.files)),
+        )
+
+    def components(self) -> set[str]:
+        """Names of the components of the scenario, if it can be read, and of what else has parameters."""
+        name = self.table.data.get("scenario")
+        data = read_toml(scenario_file(scenario_beside(self.path, name)), []) if isinstance(name, str) else None
+        found = (data or {}).get("components")
+        return {SECTION, *(found if isinstance(found, dict) else ())}
+
+    def known(self, place: str, columns: Mapping[Port, Any]) -> Iterator[Block]:
+        """A block of those parameters that are given nowhere else."""
+        for port in columns:
+            if port in self.places:
+                self.table.note(place, f"`{port}` is given in `{self.places[port]}` too. Keep one.")
+        fresh = {port: values for port, values in columns.items() if port not in self.places}
+        self.places.update(dict.fromkeys(fresh, place))
+        if fresh:
+            yield Block(fresh)
+
+    def rows(self, file: str | None) -> Iterator[Block]:
+        """Values that belong together, of a CSV file."""
+        if file is None:
+            return
+        self.files.append(self.folder / file)
+        table = Table({}, self.path.name, "", self.table.problems)
+        rows, self.columns = read_rows(self.folder / file, table, self.files, self.components())
+        if rows:
+            yield from self.known("rows", {port: [row[port] for row in rows] for port in rows[0]})
+
+    def grid(self) -> Iterator[Block]:
+        """Lists, each a block of its own."""
+        grid = self.table.table("grid")
+        for port, values in by_port(grid, grid.flat(LIST)).items():
+            name = str(port)
+            if len(set(values)) < len(values):
+                grid.note(name, "the same value is given twice. Remove one.")
+            given = [located(name, value, self.folder, grid) for value in values]
+            self.files += [Path(str(value)) for value in given if is_file(name, value)]
+            yield from self.known(grid.at(name), {port: given})
+
+    def ranges(self) -> Iterator[Block]:
+        """Values at even distances, each range a block of its own."""
+        for k, item in enumerate(self.table.take("ranges", TABLES, [])):
+            table = self.table.child(item, f"ranges[{k}]")
+            own = table.read(RANGE)
+            port = own["parameter"] and split(table, "parameter", own["parameter"])
+            if port and is_range(table, own):
+                yield from self.known(table.at("parameter"), {port: spaced(own)})
+
+    def sample(self) -> Iterator[Block]:
+        """Values that are drawn, all in one block."""
+        if "sample" not in self.table.data:
+            return
+        table = self.table.table("sample")
+        own, items = table.read(SAMPLE), table.take("factors", TABLES, required=True)
+        tables = [table.child(item, f"factors[{k}]") for k, item in enumerate(items or ())]
+        if items == []:
+            table.note("factors", "there is none. Add a table `[[sample.factors]]`.")
+        factors, count = [factor for factor in map(read_factor, tables) if factor], own["count"]
+        if own["method"] == "sobol" and count and count & (count - 1):
+            below = 1 << (count.bit_length() - 1)
+            table.note("count", f"{count} found, a power of 2 expected for Sobol: {below} or {2 * below}. Choose one.")
+        elif count and count > MOST_RUNS:
+            table.note("count", f"{count} found, at most {MOST_RUNS} are allowed. Correct it.")
+        elif count and factors and len(factors) == len(tables):
+            drawn = points(own["method"], count, len(factors), own["seed"])
+            yield from self.drawn(factors, drawn)
+
+    def drawn(self, factors: list[tuple[Table, Port, Mapping[str, Any]]], drawn: Any) -> Iterator[Block]:
+        """The block of what is drawn."""
+        columns = {}
+        for (table, port, own), u in zip(factors, drawn.T):
+            if port in columns:
+                table.note("parameter", f"`{port}` is drawn twice. Keep one.")
+            given = [located(str(port), value, self.folder, table) for value in own["values"] or ()]
+            self.files += [Path(str(value)) for value in given if is_file(str(port), value)]
+            columns[port] = DISTRIBUTIONS[own["distribution"]].quantile(u, {**own, "values": given})
+        yield from self.known("sample.factors", columns)
+
+
+def read_factor(table: Table) -> tuple[Table, Port, Mapping[str, Any]] | None:
+    """What one factor says, or None after noting what is wrong with it."""
+    before, own = len(table.problems), table.read(FACTOR)
+    port = own["parameter"] and split(table, "parameter", own["parameter"])
+    if own["distribution"] is None:
+        return None
+    kind = DISTRIBUTIONS[own["distribution"]]
+    for key in ("low", "high", "mean", "std", "median", "sigma", "values"):
+        if key in kind.needs and key not in table.data:
+            table.note(key, f"missing; `{own['distribution']}` needs it. Add it.")
+        elif key not in (*kind.needs, *kind.takes) and key in table.data:
+            table.note(key, f"`{own['distribution']}` does not use it. Remove it.")
+    if len(table.problems) > before or not port:
+        return None
+    if problem := kind.problem(own):
+        table.note("", problem)
+        return None
+    return table, port, own
+
+
+def is_range(table: Table, own: Mapping[str, Any]) -> bool:
+    """True if a range can be gone through."""
+    first, last, count = own["from"], own["to"], own["count"]
+    if first is None or last is None or count is None:
+        return False
+    if count < 2 or first == last:
+        table.note("", f"{count} values from {first:.9g} to {last:.9g}: at least two different ones are expected.")
+    elif own["spacing"] == "log" and not first * last > 0:
+        table.note("", f"even ratios from {first:.9g} to {last:.9g} do not exist. Let both be positive.")
+    elif count > MOST_RUNS:
+        table.note("count", f"{count} found, at most {MOST_RUNS} are allowed. Correct it.")
+    else:
+        return True
+    return False
+
+
+def spaced(own: Mapping[str, Any]) -> list[Any]:
+    """Values of a range, whole numbers where these are meant."""
+    first, last, count = own["from"], own["to"], own["count"]
+    if own["spacing"] == "log":
+        return list(np.geomspace(first, last, count).tolist())
+    if isinstance(first, int) and isinstance(last, int) and (last - first) % (count - 1) == 0:
+        step = (last - first) // (count - 1)
+        return [first + k * step for k in range(count)]
+    return list(np.linspace(first, last, count).tolist())
+
 
 TRIES = 2  # of a run whose process dies: somebody may have ended it
 NUMBERS = re.compile(r"[-+]?\d[-+.\de]*")

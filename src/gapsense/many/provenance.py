@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense._os.checked import fingerprint
-from gapsense._os.files import sha256
+from gapsense._os.files import fingerprint, sha256
 from gapsense.cosim.result.sidecar import relative
 from gapsense.cosim.run.recording import versions
 from gapsense.cosim.scenario.records import Scenario

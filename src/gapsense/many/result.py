@@ -14,7 +14,7 @@ import numpy as np
 from gapsense._os.files import header, naming, prepared, rename
 from gapsense.cosim.scenario.read import CAMPAIGN, other_kind
 from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
-from gapsense.cosim.show import frame
+from gapsense.cosim.show import pages
 from gapsense.many.columns import ENDED, ERROR, Columns, Vector, from_facts
 from gapsense.many.store import ERRORS, SIGNALS, WORDS, Store
 from gapsense.problems import InputError, required, suggest
@@ -121,7 +121,7 @@ class Campaign:
     def to_pandas(self) -> Any:
         """The runs as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
         table = self.table()
-        return frame(table, "run", table.pop("run"), self.units)
+        return pages().frame(table, "run", table.pop("run"), self.units)
 
     def quantiles(self, levels: Sequence[float] = (0.05, 0.5, 0.95)) -> dict[str, tuple[float, ...]]:
         """Quantiles of each metric over the runs that have it, by default the median within the 5-95 % range."""

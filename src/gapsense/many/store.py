@@ -38,6 +38,7 @@ PAUSE = 0.1  # seconds between two looks whether a file is free
 PATIENCE = 60.0  # seconds that a reader waits for a writer where there is no write-ahead log
 GROUP = 31**2  # rows that are in memory at once, the square of an odd number for `are_whole`
 PAGE = 4096  # bytes
+WRITTEN_BY, NEWEST = 18, 2  # byte with the version of the format, and the last one that SQLite writes
 LOG_HEAD, FRAME_HEAD = 32, 24  # bytes of the write-ahead log: at its begin, and before each page
 BITS = 48  # of the number of a run, behind that of its key
 REMOTE = {"nfs", "nfs4", "cifs", "smb3", "smbfs", "afs", "9p", "ceph", "lustre", "fuse.sshfs"}
@@ -270,7 +271,9 @@ def writing(file: Path | None) -> sqlite3.Connection:
         connection = prepared(connect(file))
         if commits > max(0, connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]):
             LOG.warning("%s: the log of its last runs is damaged. Lost runs are computed again.", file)
-        problem = wrong(connection)
+        with file.open("rb") as opened:  # of an unknown version SQLite would only read
+            is_known = opened.read(WRITTEN_BY + 1)[-1] <= NEWEST
+        problem = wrong(connection) or ("" if is_known else "the version of its format is unknown")
         if not problem:
             forget_damaged(connection, file)
             return connection

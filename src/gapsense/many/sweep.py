@@ -16,13 +16,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import SEAL, is_sealed, sealed
 from gapsense._os.files import (
+    SEAL,
     Columns,
+    is_sealed,
     prepared,
     read_json,
     refuse_unwritable,
     rename,
+    sealed,
     sha256,
     write_columns,
     write_json,
@@ -33,14 +35,13 @@ from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.result.result import Measure
 from gapsense.cosim.result.sidecar import is_whole, refuse_other, relative
-from gapsense.cosim.run.ahead import AUTO, FMU
+from gapsense.cosim.run.ahead import AUTO, FMU, runs_ahead
 from gapsense.cosim.run.engines import folder_of, refuse_unknown
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
 from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
-from gapsense.cosim.show import frame, sweep_html
-from gapsense.many.ahead import runs_ahead
+from gapsense.cosim.show import pages
 from gapsense.many.columns import ENDED, columns_of, kind
 from gapsense.many.execute import Done, complete
 from gapsense.many.plan import Plan
@@ -78,15 +79,15 @@ class Sweep:
 
     def to_pandas(self) -> Any:
         """Values of the grid and metrics as a DataFrame of pandas, by run; units are in its `attrs["units"]`."""
-        return frame({**self.grid, **self.metrics}, "run", self.indices, self.units)
+        return pages().frame({**self.grid, **self.metrics}, "run", self.indices, self.units)
 
     def __repr__(self) -> str:
         failed = f", {len(self.errors)} failed" if self.errors else ""
         state = ", interrupted" if self.interrupted else ""
         return f"<Sweep: {len(self.indices)} runs{failed}{state}, {len(self.metrics)} metrics>"
 
-    def _repr_html_(self) -> str:
-        return sweep_html(repr(self), self.quantiles() if self.indices else {}, self.units)
+    def _repr_html_(self) -> Any:
+        return pages().of_sweep(repr(self), self.quantiles() if self.indices else {}, self.units)
 
 
 def sweep(
@@ -133,11 +134,13 @@ def sweep(
     Sweep
     """
     refuse_unknown(engine)
-    with nullcontext() if measure else runs_ahead(workers, engine, file_of(scenario)):
+    file_of = None if isinstance(scenario, Document) else scenario_file(scenario)
+    with nullcontext() if measure else runs_ahead(workers, engine, file_of):
         read, descriptions = prepare(scenario, variant, folder_of(engine, scenario, fmus))
         seeds = (1 if read.swept else 200) if seeds is None else seeds
         refuse_senseless(read, seeds, workers, keep and out is None)
-        file = None if out is None else Path(out) / f"{file_stem(read)}{SUFFIX}"
+        stem = "_".join(filter(None, (read.called, read.variant, "sweep")))
+        file = None if out is None else Path(out) / f"{stem}{SUFFIX}"
         if file is not None:
             refuse_unwritable(*(file.with_suffix(ending) for ending in (SUFFIX, ".csv", ".json")))
         own, plan = key_of(read, descriptions, measure), Plan((), seeds).over(read)
@@ -159,11 +162,6 @@ def sweep(
         about = {**provenance(read, file.parent), **of_sweep(Subject(read, descriptions), plan, own)}
         save(result, {**about, "settings": changes, "engine": done.engine}, plan, file.with_suffix(".csv"))
     return result
-
-
-def file_of(scenario: Source) -> Path | None:
-    """The file of a scenario that has one."""
-    return None if isinstance(scenario, Document) else scenario_file(scenario)
 
 
 def of_sweep(subject: Subject, plan: Plan, key: str) -> dict[str, Any]:
@@ -207,11 +205,6 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
         problems.append("signals are to be kept, but no folder is given. Name one.")
     if problems:
         raise ScenarioError(problems)
-
-
-def file_stem(scenario: Scenario) -> str:
-    """Name of the sweep's files, without suffix."""
-    return "_".join(filter(None, (scenario.called, scenario.variant, "sweep")))
 
 
 def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure | None) -> str:

@@ -20,9 +20,9 @@ from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.result.result import Measure, Result
 from gapsense.cosim.run.apart import limit_of
 from gapsense.cosim.run.master import Master
-from gapsense.cosim.run.recording import death, versions
+from gapsense.cosim.run.recording import death, order_of, versions
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.scenario.records import Port, Scenario, execution_order, matching
+from gapsense.cosim.scenario.records import Port, Scenario, matching
 from gapsense.many.columns import ERROR, Columns
 from gapsense.many.plan import Plan
 from gapsense.problems import FmuError
@@ -122,7 +122,7 @@ class Many:
 
 def death_entry(scenario: Scenario, descriptions: Descriptions) -> Callable[[Died, Marks], Mapping[str, Any]]:
     """Function that makes an entry of a run that has ended its process, with the last that this wrote."""
-    order = execution_order(list(scenario.components), scenario.connections, descriptions).names
+    order = order_of(scenario, descriptions).names
 
     def entry(died: Died, marks: Marks) -> Mapping[str, Any]:
         last, error = died.words.rpartition("\n")[2], str(death(scenario, order, died, marks))
@@ -143,6 +143,6 @@ def by_port(values: Mapping[str, Value]) -> dict[Port, Value]:
 
 def thrifty(scenario: Scenario) -> Scenario:
     """A scenario that records only what its metrics look at."""
-    names = {name for m in scenario.metrics for name in (m.signal, m.reference, m.where, m.time)}
+    names = {name for m in scenario.metrics for name in (m.signal, m.reference, m.where, m.time, *(m.flows or ()))}
     signals = tuple(sorted(name for name in names if isinstance(name, str)))  # parameters match no signal
     return replace(scenario, record=replace(scenario.record, signals=signals))

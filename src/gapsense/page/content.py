@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.cosim.result.metrics import KINDS
-from gapsense.cosim.result.result import Result, unit_of
+from gapsense.cosim.result.result import Result, is_late, unit_of
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.records import Metric, Scenario
 from gapsense.fmi.ports import Port
@@ -118,6 +118,7 @@ def property_of(colour: str) -> str:
 
 def metric(of: Metric, result: Result) -> dict[str, Any]:
     """A metric, as the scripts measure it."""
+    ends = (of.signal, str(of.reference), *(of.flows or ()))
     bounds = of.bounds and [bound if math.isfinite(bound) else None for bound in of.bounds]
     keys = ("name", "kind", "signal", "reference", "after", "before", "event", "where", "time", "published", "table")
     return {
@@ -125,6 +126,8 @@ def metric(of: Metric, result: Result) -> dict[str, Any]:
         "label": of.label,
         "unit": unit_of(of, result.units),
         "isAxis": KINDS[of.kind].reference == "axis",
+        "flows": of.flows,
+        "isLate": [is_late(result, name) for name in ends] if of.flows else None,
         "bounds": bounds,
     }
 

@@ -80,6 +80,12 @@ const MEASURES = {
   until_above: firstAbove,
   until_below: (signal, times) => firstAbove(signal.map((x) => -x), times),
   loop_area: (y, x) => 0.5 * sum(y.map((_, k) => (x.at(k + 1 - x.length) + x[k]) * (y.at(k + 1 - y.length) - y[k]))),
+  bond: (effort, other, flow, otherFlow) => {
+    const leaving = effort.map((x, k) => x * flow[k]);
+    const arriving = other.map((x, k) => x * otherFlow[k]);
+    const through = 0.5 * sum(leaving.map((x, k) => Math.abs(x) + Math.abs(arriving[k])));
+    return through > 0 ? sum(leaving.map((x, k) => Math.abs(x - arriving[k]))) / through : NaN;
+  },
   intercept: (y, x) => {
     const crossed = [...y.keys()].slice(0, -1).filter((k) => x[k] < 0 !== x[k + 1] < 0);
     return mean(crossed.map((k) => Math.abs(y[k] - (x[k] * (y[k + 1] - y[k])) / (x[k + 1] - x[k]))));
@@ -91,6 +97,11 @@ function measure(metric, run, plan) {
   if (!samples.rows.length) return NaN;
   const signal = samples.rows.map((row) => run.signals[metric.signal][row]);
   const references = referencesOf(metric, samples, run, plan);
+  if (metric.flows) {
+    const names = [metric.signal, metric.reference, ...metric.flows];
+    const before = (row, k) => (metric.isLate[k] ? Math.max(row - 1, 0) : row);
+    return MEASURES[metric.kind](...names.map((name, k) => samples.rows.map((row) => run.signals[name][before(row, k)])));
+  }
   if (metric.isAxis) return MEASURES[metric.kind](signal, references);
   const [after] = windowOf(metric, run, plan);
   const since = samples.times.map((time) => time - (after === -Infinity ? plan.start : after));

@@ -12,6 +12,7 @@ from gapsense.cosim.run.engines import run_as_vectors
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.run.run import run
 from gapsense.cosim.scenario.read import Source
+from gapsense.cosim.scenario.records import ITERATIVE
 from gapsense.page import plan
 from gapsense.page.module import module, refuse_without_zig
 from gapsense.problems import ScenarioError
@@ -99,6 +100,12 @@ def refuse_unfit(subject: Subject) -> None:
     if foreign:
         found = f"these FMUs are not from this version: {', '.join(foreign)}"
         problems.append(f"{found}. A page is compiled of Gapsense's own components; build them with `gapsense build`.")
+    if scenario.experiment.method == ITERATIVE:
+        problems.append("its loops are iterated (`method`), which a page cannot do. Choose another method.")
+    if on_boards := [f"`{name}`" for name, component in scenario.components.items() if component.board]:
+        problems.append(
+            f"{', '.join(on_boards)} run on boards, which a page cannot reach. Choose a variant without them."
+        )
     hissing = sum(len(plan.noisy(actor, scenario.experiment)) for actor in plan.actors(subject).values())
     if hissing > MOST_NOISE:
         found = f"its events have noise for {hissing} base steps, each with a number in the page, {MOST_NOISE} at most"

@@ -97,17 +97,64 @@ def published(value: float | None, unit: str) -> str:
     return "" if value is None else quantity(value, unit)
 
 
+BOARD = (
+    *("component", "board", "numbers", "count of a step, mean", "99 %", "most", "load, mean", "load, most"),
+    *("records / byte", "stack / byte", "RAM / byte", "flash / byte", "difference from the FMU"),
+)
+
+
+def boards(result: Result) -> list[Table]:
+    """What components on boards took there, if there are any."""
+    units = ", ".join(sorted({board["unit"] for board in result.run.boards.values()}))
+    title = f"Boards: {units} per step; load is their share of the sample time, one in a cycle"
+    return [table(title, BOARD, board_rows(result), texts=3)] if result.run.boards else []
+
+
+def board_rows(result: Result) -> list[tuple[str, ...]]:
+    """A row for each component on a board, and one for all those that share one."""
+    rows: list[tuple[str, ...]] = []
+    shared: dict[str, list[list[float]]] = {}
+    for name, of in result.run.boards.items():
+        counts = [three(count) for count in of["counts"]] or ["-"] * 3
+        loads = [count / (of["clock"] * of["period"]) for count in of["counts"][::2]] if of["clock"] else []
+        shared.setdefault(of["board"], []).append(loads)
+        sizes = (f"{of[key]:,}" if of[key] else "-" for key in ("memory", "stack", "ram", "flash"))
+        rows.append((name, of["board"], of["real"], *counts, *shares(loads), *sizes, farthest(of["difference"])))
+    for board, all_loads in shared.items():
+        if len(all_loads) > 1:
+            rows.append(("together", board, "", "", "", "", *shares([sum(loads) for loads in zip(*all_loads)])))
+    return rows
+
+
+def shares(loads: Sequence[float]) -> list[str]:
+    """Mean and largest load in percent, if a clock is known."""
+    return [f"{100.0 * load:.3g} %" for load in loads] or ["-", "-"]
+
+
+def farthest(differences: Mapping[str, Sequence[float]]) -> str:
+    """The output that differs most from that of the FMU, of its largest value."""
+    name, (worst, largest) = max(differences.items(), key=lambda one: one[1][0] / (one[1][1] or 1.0))
+    return f"{name} {worst:.1e} of {largest:.2g}" if worst else "none"
+
+
 def timing(result: Result) -> Table:
     """Time of each component, and the whole run against real time."""
     span = result.times[-1] - result.times[0]
     title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
-    if result.run.versions.get("loop", "C") != "C":
+    if result.run.versions.get("loop", "C") != "C" and result.run.method != "iterative":
         title += f"\n{WITHOUT_C}"
     rows = (
         (name, str(t.calls), *per_step(t), f"{100 * t.seconds / result.wall:.0f} %")
         for name, t in result.timing.items()
     )
     return table(title, ("component", "steps", "us per step", "median", "longest", "share"), rows)
+
+
+def loops(result: Result) -> list[Table]:
+    """How often the loops were evaluated that are solved in every step."""
+    rows = [(n, str(i.steps), three(i.mean), str(i.most), quantity(i.at, "s")) for n, i in result.run.loops.items()]
+    heads = ("loop of", "steps", "mean", "most", "at")
+    return [table("Evaluations of loops, per step", heads, rows)] if rows else []
 
 
 def per_step(of: Timing) -> tuple[str, str, str]:
@@ -159,11 +206,6 @@ def growths(found: Sequence[Growth]) -> Table:
     return table(f"Change of the signals when all numbers change by {PERTURBATION:g}", heads, rows)
 
 
-def indented(text: str) -> str:
-    """A failure of several sentences, the further ones below the first."""
-    return text.replace("\n", "\n    ")
-
-
 def outcome(tested: Outcome) -> str:
     """One line for a scenario that passed, one more for each failure."""
     word = "passed" if tested.passed else "FAILED"
@@ -172,5 +214,9 @@ def outcome(tested: Outcome) -> str:
     head = f"{word}  {tested.scenario}  {checks}, {tested.seconds:.1f} s{remark}"
     coarse = tested.result.run.remarks if tested.result else ()
     return "\n".join(
-        [head, *(indented(f"  {c.name}: {c.failure}") for c in tested.failures), *(f"  note: {r}" for r in coarse)]
+        [
+            head,
+            *(f"  {c.name}: {c.failure}".replace("\n", "\n    ") for c in tested.failures),
+            *(f"  note: {r}" for r in coarse),
+        ]
     )

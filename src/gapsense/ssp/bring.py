@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import math
+import re
 import shutil
-from collections.abc import Mapping
+import sys
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
 from gapsense.cosim.check import check, described
 from gapsense.cosim.fmu.archive import UnusableError, shown
-from gapsense.cosim.fmu.descriptions import Description
+from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.scenario.read import Document
 from gapsense.cosim.scenario.write import write_document
 from gapsense.parameters import is_file
-from gapsense.problems import InputError
-from gapsense.ssp import structure
+from gapsense.problems import InputError, listing, suggest
+from gapsense.ssp.carried import OF_COMPONENTS, OF_CONNECTIONS, WHOLE
 from gapsense.ssp.package import Package, opened
-from gapsense.ssp.scenario import Maker, Told, Wiring, plain_names
-from gapsense.ssp.structure import Element, read_element
-from gapsense.ssp.units import Units, read_units, together, units_of
-from gapsense.ssp.values import Reader
-from gapsense.ssp.words import DESCRIPTION, numbered, tag
+from gapsense.ssp.structure import SINKS, Connector, Element, Link, Place, read_element
+from gapsense.ssp.units import Line, Units, conversion, read_units, together, units_of
+from gapsense.ssp.values import Given, Node, Reader
+from gapsense.ssp.words import DESCRIPTION, OSP, OWN, numbered, tag
+from gapsense.tables import Value
 
 FMUS, FILES = "fmus", "files"  # folders beside the scenario
 
@@ -134,12 +139,10 @@ def all_units(root: Xml, fmus: list[Path], problems: list[str]) -> Units:
     return {**units, **read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")}
 
 
-def take_fmus(
-    package: Package, components: list[Element], folder: Path, problems: list[str]
-) -> dict[structure.Path, str]:
+def take_fmus(package: Package, components: list[Element], folder: Path, problems: list[str]) -> dict[Place, str]:
     """Name of the FMU file of each component, which is in the folder of FMUs now."""
     files: dict[str, str] = {}
-    out: dict[structure.Path, str] = {}
+    out: dict[Place, str] = {}
     for one in components:
         try:
             member = package.member(one.source)
@@ -160,10 +163,10 @@ def fresh(name: str, taken: set[str]) -> str:
 
 
 def described_all(
-    components: list[Element], fmus: Mapping[structure.Path, str], folder: Path, problems: list[str]
-) -> dict[structure.Path, Description]:
+    components: list[Element], fmus: Mapping[Place, str], folder: Path, problems: list[str]
+) -> dict[Place, Description]:
     """Model descriptions of components, as far as they can be read."""
-    out: dict[structure.Path, Description] = {}
+    out: dict[Place, Description] = {}
     wrong: dict[str, str] = {}
     for one in components:
         if one.path not in fmus or fmus[one.path] in wrong:
@@ -187,3 +190,386 @@ def take_files(package: Package, data: Mapping[str, Any], folder: Path) -> None:
                     taken[value] = fresh(PurePosixPath(value).name, set(taken.values()))
                     package.copy(value, folder / FILES / taken[value])
                 component["set"][name] = f"{FILES}/{taken[value]}"
+
+
+# The tables of the scenario, made of what the package says.
+
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+JACOBI = "jacobi"  # what tools of SSP do where nothing else is told
+SIGNAL = ("times", "values", "interpolation")
+ZERO: Mapping[str, Value] = {"Real": 0.0, "Boolean": False, "String": ""}
+
+
+@dataclass
+class Maker:
+    """Makes the sections of a scenario; `problems` and `notes` take what is wrong, and what is left out."""
+
+    components: list[Element]
+    names: Mapping[Place, str]
+    fmus: Mapping[Place, str]  # as the scenario names them
+    descriptions: Mapping[Place, Description]
+    wiring: Wiring
+    given: Mapping[Node, Given]
+    units: Units
+    told: Told
+    problems: list[str]
+    notes: list[str]
+    connect: dict[str, str] = field(default_factory=dict)
+    connections: list[dict[str, Any]] = field(default_factory=list)
+    inputs: dict[str, Any] = field(default_factory=dict)
+    seeds: dict[str, Value] = field(default_factory=dict)
+    idle: list[str] = field(default_factory=list)
+    reached: set[Node] = field(default_factory=set)  # where values come from
+
+    def made(self, title: str, experiment: Mapping[str, Any]) -> dict[str, Any]:
+        """Tables of the scenario."""
+        base = experiment.get("base_step")
+        components = {self.names[one.path]: self.component(one, base) for one in self.components}
+        self.refuse_strange_ends()
+        self.note_unused()
+        if self.idle:
+            self.notes.append(f"nothing drives {listing(self.idle)}; they keep the start values of their FMUs.")
+        about = {
+            key: self.told.own[key] for key in ("description", "figure") if isinstance(self.told.own.get(key), str)
+        }
+        sections = {
+            "components": components,
+            "connect": self.connect,
+            "connections": self.connections,
+            "inputs": self.inputs,
+            "seeds": self.seeds,
+            **self.told.rest(),
+        }
+        tables = {name: section for name, section in sections.items() if section}
+        return {"title": self.told.own.get("title", title), **about, "experiment": dict(experiment), **tables}
+
+    def component(self, element: Element, base_step: float | None) -> dict[str, Any]:
+        """One component; its inputs are connected or get a value."""
+        name, description = self.names[element.path], self.descriptions[element.path]
+        known = {(element.path, v.name): v for v in description.variables.values()}
+        signals = self.told.signals()
+        for node, variable in known.items():
+            if variable.causality == "input" and f"{name}.{variable.name}" in signals:
+                self.inputs[f"{name}.{variable.name}"] = signals[f"{name}.{variable.name}"]
+            elif variable.causality == "input":
+                self.drive(name, node, variable)
+        found = {v.name: self.parameter(node, v) for node, v in known.items() if v.causality != "input"}
+        values = {key: value for key, value in found.items() if value is not None}
+        if name in self.told.table("seeds") and "seed" in values:
+            self.seeds[name] = values.pop("seed")
+        made = {"fmu": self.fmus[element.path], **self.told.component(name, element.xml, base_step)}
+        return {**made, **({"set": values} if values else {})}
+
+    def drive(self, name: str, node: Node, variable: Variable) -> None:
+        """Connection or value of an input."""
+        way, target = self.way(node), f"{name}.{variable.name}"
+        if way and way.source[0] in self.descriptions:
+            self.link(way, target, variable)
+            if node in self.given:
+                self.notes.append(f"{target}: its start value is left out, since it is connected.")
+            return
+        value = self.through(way, variable) if way else self.valued(node, variable.unit or "")
+        if value is None:
+            self.idle.append(target)
+            value = ZERO.get(variable.type, 0) if variable.start is None else variable.start
+        self.inputs[target] = value
+
+    def link(self, way: Way, target: str, variable: Variable) -> None:
+        """Connection to an input."""
+        path, output = way.source
+        source = f"{self.names[path]}.{output}"
+        own = self.told.links().get((source, target), {})
+        gives = self.descriptions[path].variables.get(output)
+        is_other = bool(gives and gives.unit and variable.unit and gives.unit != variable.unit)
+        if way.line == Line() and not is_other and not own:
+            self.connect[target] = source
+            return
+        converts = {"factor": way.line.factor, "bias": way.line.offset} if way.line != Line() or is_other else {}
+        unit = {"unit": variable.unit} if converts and variable.unit else {}
+        self.connections.append({"from": source, "to": target, **converts, **unit, **own})
+
+    def parameter(self, node: Node, variable: Variable) -> Value | None:
+        """Value of a parameter or another variable that has a start value, or None if it keeps its own."""
+        way = self.way(node) if node in self.wiring.edges else None
+        if way and way.source[0] in self.descriptions:
+            name = ".".join((self.names[node[0]], variable.name))
+            self.problems.append(
+                f"{name}: it is connected to `{shown(way.source[1])}`, only inputs may be connected. Set a value."
+            )
+            return None
+        value = self.through(way, variable) if way else self.valued(node, variable.unit or "")
+        return None if value == variable.start and not variable.is_settable else value
+
+    @cached_property
+    def units_of_variables(self) -> dict[Node, str]:
+        """Units that the FMUs state."""
+        every = ((path, v) for path, own in self.descriptions.items() for v in own.variables.values())
+        return {(path, v.name): v.unit or "" for path, v in every}
+
+    def note_unused(self) -> None:
+        """Note values of connectors of systems that arrive nowhere."""
+        for node in self.given:
+            if node[0] not in self.descriptions and node not in self.reached:
+                name = shown(".".join((*node[0], node[1])))
+                self.notes.append(f"{self.given[node].place}: `{name}` is connected to no component, and left out.")
+
+    def way(self, node: Node) -> Way | None:
+        """Where an input gets its value from."""
+        way = self.wiring.way(node, self.units_of_variables, self.given)
+        if way:
+            self.reached.add(way.source)
+        return way
+
+    def through(self, way: Way, variable: Variable) -> Value | None:
+        """Value of a connector of a system, as it arrives at a variable."""
+        unit = self.wiring.connectors[way.source].unit
+        value = self.valued(way.source, unit or variable.unit or "")
+        return value if value is None else converted(value, way.line)
+
+    def valued(self, node: Node, unit: str) -> Value | None:
+        """Value that is given to a node, in some unit, or None."""
+        given = self.given.get(node)
+        if given is None:
+            return None
+        line: Line | None = Line()
+        if given.unit and unit and not given.suppress:
+            line = conversion(given.unit, unit, {**self.units, **given.units})
+        if line is None:
+            said = f"it is in `{shown(given.unit)}`, `{unit}` is expected, and there is no conversion"
+            self.problems.append(f"{given.place}: {said}. Define both units, or correct one.")
+        return converted(given.value, (line or Line()).then(given.line))
+
+    def refuse_strange_ends(self) -> None:
+        """Note connections to what an FMU does not have; the check of the scenario sees the other ends."""
+        for path, connector in self.wiring.edges:
+            if path in self.descriptions and connector not in self.descriptions[path].variables:
+                known = suggest(connector, self.descriptions[path].variables)
+                self.problems.append(f"{self.names[path]}: its FMU has no `{shown(connector)}`. {known}")
+
+
+def converted(value: Value, line: Line) -> Value:
+    """A value after a line; what is no number has none."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return line.of(float(value)) if is_number and line != Line() else value
+
+
+def plain_names(paths: list[Place]) -> dict[Place, str]:
+    """A name for each component that a scenario may have, the names of its systems before its own."""
+    names: dict[Place, str] = {}
+    for path in paths:
+        first = re.sub(r"\W", "_", "_".join(path), flags=re.ASCII)
+        first = first if re.match("[A-Za-z_]", first) else f"c_{first}"
+        taken = set(names.values())
+        names[path] = next(name for name in numbered(first) if name not in taken)
+    return names
+
+
+# What a package tells about a run: start and stop, steps, and in our own annotation what SSP has no words for.
+
+
+class Told:
+    """What the document says on the run; `problems` and `notes` take what is wrong, and what is left out."""
+
+    def __init__(self, root: Xml, problems: list[str], notes: list[str]) -> None:
+        self.root, self.problems, self.notes = root, problems, notes
+        self.own = self.read_own()
+        kinds = dict.fromkeys(xml.get("type", "") for xml in root.iter(tag("ssc:Annotation")))
+        for kind in (kind for kind in kinds if kind not in (OWN, OSP)):
+            notes.append(f"annotations of `{shown(kind)}` are left out, but for a step in them.")
+
+    def read_own(self) -> dict[str, Any]:
+        """Tables of our annotation, but for what SSP itself tells."""
+        found = self.root.find(f"{tag('ssd:DefaultExperiment')}//{tag('gapsense:Scenario')}")
+        if found is None:
+            return {}
+        try:
+            data = tomllib.loads(found.text or "")
+        except ValueError as error:
+            self.problems.append(f"annotation `{OWN}`: not valid TOML: {error}. Export it again, or remove it.")
+            return {}
+        return {key: value for key, value in data.items() if isinstance(value, (dict, list)) or key in WHOLE}
+
+    def table(self, key: str) -> dict[str, Any]:
+        """A table of our annotation; empty if there is none."""
+        found = self.own.get(key)
+        return found if isinstance(found, dict) else {}
+
+    def experiment(self, **options: Any) -> dict[str, Any]:
+        """The section `[experiment]`: options go before the document, and that before our annotation."""
+        xml = self.root.find(tag("ssd:DefaultExperiment"))
+        times = {} if xml is None else {"start": xml.get("startTime"), "stop": xml.get("stopTime")}
+        read = {key: number for key, text in times.items() if text and (number := finite(text)) is not None}
+        steps = {} if (step := self.step()) is None else {"base_step": step}
+        made = {"start": 0.0, **steps, "method": JACOBI, **self.table("experiment"), **read}
+        made |= {key: value for key, value in options.items() if value is not None}
+        for key, option in (("stop", "--stop"), ("base_step", "--step")):
+            if key not in made:
+                self.problems.append(f"experiment: the package does not give `{key}`. Give it with `{option}`.")
+        if "method" not in self.table("experiment") and options.get("method") is None:
+            self.notes.append(f"experiment.method: SSP does not describe the coupling; `{JACOBI}` is used.")
+        return made
+
+    def step(self) -> float | None:
+        """Base step that annotations of other tools tell [s]: that of OSP, or else the least of OMSimulator."""
+        names = {"FixedStepAlgorithm": "baseStepSize", "FixedStepMaster": "stepSize"}
+        for name, key in names.items():
+            told = (finite(xml.get(key, "")) for xml in self.root.iter() if xml.tag.rpartition("}")[2] == name)
+            steps = [step for step in told if step is not None and step > 0.0]
+            if steps:
+                return min(steps)
+        return None
+
+    def component(self, name: str, xml: Xml, base_step: float | None) -> dict[str, Any]:
+        """Step, offset and process of a component, where they are not as usual."""
+        hints = (one.get("value", "") for one in xml.iter(tag("osp:StepSizeHint")))
+        hint = next((step for text in hints if (step := finite(text)) is not None), None)
+        own = self.table("components").get(name)
+        made = {key: own[key] for key in OF_COMPONENTS if key in own} if isinstance(own, dict) else {}
+        if hint is None or not base_step or "step" in made:
+            return made
+        ratio = hint / base_step
+        if round(ratio) < 1 or abs(ratio - round(ratio)) > 1e-9 * ratio:
+            self.notes.append(
+                f"{name}: its step of {hint:.9g} s is not a multiple of {base_step:.9g} s, and is left out."
+            )
+        elif round(ratio) > 1:
+            made["step"] = round(ratio)
+        return made
+
+    def signals(self) -> dict[str, dict[str, Any]]:
+        """Signals that inputs follow."""
+        found = {name: one for name, one in self.table("inputs").items() if isinstance(one, dict)}
+        return {name: {key: one[key] for key in SIGNAL if key in one} for name, one in found.items()}
+
+    def links(self) -> dict[tuple[str, str], dict[str, bool]]:
+        """What connections are beside their source and target: delayed, or means."""
+        links = self.own.get("connections")
+        found = [link for link in links if isinstance(link, dict)] if isinstance(links, list) else []
+        return {
+            (str(link.get("from")), str(link.get("to"))): own
+            for link in found
+            if (own := {key: True for key in OF_CONNECTIONS if link.get(key) is True})
+        }
+
+    def rest(self) -> Mapping[str, Any]:
+        """Events, record, metrics and what a page shows."""
+        return {
+            key: self.own[key] for key in ("events", "record", "metrics", "page") if isinstance(self.own.get(key), dict)
+        }
+
+
+def finite(text: str) -> float | None:
+    """The finite number that a text holds, or None."""
+    try:
+        number = float(text)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+# Nested systems as one level: each input of a component is followed back to where its value comes from.
+
+
+class Edge(NamedTuple):
+    """Where a connector gets its value from."""
+
+    source: Node
+    link: Link
+
+
+class Way(NamedTuple):
+    """Where an input of a component gets its value from, and what becomes of it."""
+
+    source: Node
+    line: Line
+
+
+class Wiring:
+    """Connections of a whole structure; `problems` takes what is wrong with them."""
+
+    def __init__(self, root: Element, units: Units, problems: list[str]) -> None:
+        self.units, self.problems = units, problems
+        self.connectors: dict[Node, Connector] = {}
+        self.components: set[tuple[str, ...]] = set()
+        self.edges: dict[Node, Edge] = {}
+        self.add(root)
+
+    def add(self, element: Element) -> None:
+        """Connectors and connections of an element and all below it."""
+        self.connectors |= {(element.path, name): connector for name, connector in element.connectors.items()}
+        if element.is_component:
+            self.components.add(element.path)
+        for inner in element.elements.values():
+            self.add(inner)
+        for link in element.links:
+            self.connect(element, link)
+
+    def connect(self, system: Element, link: Link) -> None:
+        """Add a connection in the direction that the kinds of its connectors tell."""
+        place = " -> ".join(shown(".".join(filter(None, end))) for end in link.ends)
+        ends = [self.end(system, *end) for end in link.ends]
+        if link.refused:
+            self.problems.append(f"{system.name}, {place}: `{link.refused}` is not supported. Remove it.")
+        elif None in ends:
+            self.problems.append(f"{system.name}, {place}: there is no such connector. Correct the connection.")
+        else:
+            (one, gives), (other, other_gives) = (end for end in ends if end)
+            if gives == other_gives:
+                self.problems.append(
+                    f"{system.name}, {place}: both ends {'give' if gives else 'take'} a value. Correct it."
+                )
+            else:
+                self.join(*((one, other) if gives else (other, one)), link, f"{system.name}, {place}")
+
+    def end(self, system: Element, element: str, connector: str) -> tuple[Node, bool] | None:
+        """An end of a connection, and whether it gives a value; a system's own input gives it to those inside."""
+        owner = system.elements.get(element) if element else system
+        found = owner.connectors.get(connector) if owner else None
+        if owner is None or found is None:
+            return None
+        return (owner.path, connector), (found.kind in SINKS) == (owner is system)
+
+    def join(self, source: Node, sink: Node, link: Link, place: str) -> None:
+        """Let a connector get its value from another one."""
+        if sink in self.edges:
+            self.problems.append(f"{place}: `{shown('.'.join((*sink[0], sink[1])))}` is connected twice. Keep one.")
+        else:
+            self.edges[sink] = Edge(source, link)
+
+    def way(self, sink: Node, units: Mapping[Node, str], given: Collection[Node]) -> Way | None:
+        """Where an input of a component gets its value from, or None if nothing is connected to it.
+
+        That is an output of a component, or the outermost connector of a system on the way that is `given` a value.
+        `units` has those of the variables of components, which go before what the structure says.
+        """
+        steps: list[tuple[Node, Link]] = []
+        node = sink
+        while node in self.edges and len(steps) <= len(self.edges):
+            edge = self.edges[node]
+            steps.append((node, edge.link))
+            node = edge.source
+            if node[0] in self.components:
+                break
+        while steps and node not in given and node[0] not in self.components:
+            node = steps.pop()[0]
+        return Way(node, self.line(node, steps, units)) if steps else None
+
+    def line(self, source: Node, steps: list[tuple[Node, Link]], units: Mapping[Node, str]) -> Line:
+        """What becomes of a value on its way from the source to the sink."""
+        made, unit = Line(), units.get(source) or self.connectors[source].unit
+        for node, link in reversed(steps):
+            own = units.get(node) or self.connectors[node].unit
+            if unit and own and unit != own and not link.suppress:
+                found = conversion(unit, own, self.units)
+                if found is None:
+                    name = shown(".".join((*node[0], node[1])))
+                    said = f"`{name}` is in `{shown(own)}`, what it gets is in `{shown(unit)}`"
+                    self.problems.append(f"{said}, and there is no conversion. Define both units, or correct one.")
+                made = made.then(found or Line())
+            made, unit = made.then(link.line), own or unit
+        return made

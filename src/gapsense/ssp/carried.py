@@ -9,6 +9,7 @@ from gapsense.cosim.scenario.read import Document
 from gapsense.cosim.scenario.records import Component, Scenario
 from gapsense.problems import listing
 
+OF_CONNECTIONS = ("delayed", "mean")
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events", "page")  # as the file has them
 OF_COMPONENTS = ("step", "offset", "isolation")
 LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
@@ -27,12 +28,12 @@ def carried(scenario: Scenario, document: Document) -> dict[str, Any]:
         }
         for port, signal in scenario.played.items()
     }
-    delayed = [
-        {"from": str(link.source), "to": str(link.target), "delayed": True}
+    links = [
+        {"from": str(link.source), "to": str(link.target), **own}
         for link in scenario.connections
-        if link.delayed
+        if (own := {key: True for key in OF_CONNECTIONS if getattr(link, key)})
     ]
-    parts = {"components": components, "inputs": played, "seeds": dict(scenario.seeds), "connections": delayed}
+    parts = {"components": components, "inputs": played, "seeds": dict(scenario.seeds), "connections": links}
     return {**tables, **{name: part for name, part in parts.items() if part}}
 
 
@@ -61,6 +62,8 @@ def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
         yield f"signals of {found}: they are only in Gapsense's annotation; in other tools their first value holds."
     if delayed:
         yield f"delay of {listing(delayed)}: it is only in Gapsense's annotation."
+    if on_boards := [name for name, component in scenario.components.items() if component.board]:
+        yield f"board of {listing(on_boards)}: it is left out; the FMU runs in its place."
     if scenario.events:
         yield f"events {listing([*scenario.events])}: only Gapsense's annotation has them, so other tools ignore them."
     for key, what in LEFT_OUT.items():

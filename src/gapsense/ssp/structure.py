@@ -11,7 +11,7 @@ from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.ssp.units import Line
 from gapsense.ssp.words import FMU_TYPE, TYPES, plain, tag
 
-Path = tuple[str, ...]  # of an element: names from the outermost system on, without that
+Place = tuple[str, ...]  # of an element: names from the outermost system on, without that
 SOURCES, SINKS = ("output", "calculatedParameter"), ("input", "parameter")
 DEEPEST = 50  # levels of systems
 REFUSED = {  # elements that nothing is made of
@@ -41,7 +41,7 @@ class Link(NamedTuple):
 class Element:
     """A system or a component with what belongs to it."""
 
-    path: Path
+    path: Place
     xml: Xml
     connectors: dict[str, Connector] = field(default_factory=dict)
     elements: dict[str, Element] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class Element:
             yield from element.components()
 
 
-def read_element(xml: Xml, path: Path, problems: list[str]) -> Element:
+def read_element(xml: Xml, path: Place, problems: list[str]) -> Element:
     """An element of a system structure; `problems` takes what cannot be used."""
     if len(path) > DEEPEST:
         raise UnusableError(f"systems are nested more than {DEEPEST} deep. Connect them at fewer levels.")

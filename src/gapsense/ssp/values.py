@@ -10,12 +10,12 @@ from xml.etree.ElementTree import Element as Xml
 from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.problems import suggest
 from gapsense.ssp.package import Package
-from gapsense.ssp.structure import Element, Path, read_transformation
+from gapsense.ssp.structure import Element, Place, read_transformation
 from gapsense.ssp.units import Line, Units, read_units
 from gapsense.ssp.words import MAPPING_TYPE, VALUES_TYPE, plain, tag
 from gapsense.tables import Value
 
-Node = tuple[Path, str]  # an element and a name in it: a variable, or a connector of a system
+Node = tuple[Place, str]  # an element and a name in it: a variable, or a connector of a system
 
 
 class Given(NamedTuple):
@@ -36,7 +36,7 @@ class Reader:
         self,
         package: Package,
         units: Units,
-        known: Mapping[Path, Collection[str]],
+        known: Mapping[Place, Collection[str]],
         problems: list[str],
         notes: list[str],
     ) -> None:

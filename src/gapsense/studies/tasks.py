@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gapsense._os.checked import fingerprint
+from gapsense._os.files import fingerprint
 from gapsense._os.importable import facts, importable_name, imported
 from gapsense._os.workers import Entry, Job, Local, Progress
 from gapsense.many.execute import computed

@@ -10,7 +10,7 @@ from itertools import groupby
 from gapsense._os.native import own_compiler
 from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.run.recording import Recording, Subject, Take
-from gapsense.cosim.scenario.records import Port
+from gapsense.cosim.scenario.records import ITERATIVE, Port
 from gapsense.fmi.components import own
 from gapsense.fmi.sentences import Refusal
 from gapsense.tables import Value
@@ -27,8 +27,12 @@ def obstacle(subject: Subject) -> str:
     experiment, components = subject.scenario.experiment, subject.scenario.components
     if experiment.pace:
         return "It has a pace."
+    if experiment.method == ITERATIVE:
+        return "Its loops are iterated (`method`)."
     if experiment.isolation != "none" or any(c.isolation != "none" for c in components.values()):
         return "The scenario asks for separate processes (`isolation`)."
+    if any(c.board for c in components.values()):
+        return "A component is on a board (`board`)."
     if own_compiler() is None:
         return "There is no C compiler, neither the one that `CC` names nor `cc`, `gcc` or `clang`."
     foreign = [f"`{name}` ({d.path.name})" for name, d in subject.descriptions.items() if not is_ours(d)]

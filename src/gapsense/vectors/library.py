@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from math import inf
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.structures import structures
+from gapsense._os.native import structures
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
 from gapsense.kernels.emit.lanes import held, is_array
@@ -127,7 +128,10 @@ def places(found: Functions, room: Room, buffered: int, own: int, output: int) -
     kinds, entries = fields(module.Parameters), names(module.Parameters)
     is_table = [name in kinds and kinds[name].kind == "table" for name in entries]
     par = [room.column(0) if is_one else room.take(1) for is_one in is_table]
-    state = [of_state(entry, room) for entry in results(found.codes.initial)[: len(names(module.State))]]
+    state = [
+        room.column(len(entry)) if isinstance(entry, list) else room.take(1)
+        for entry in results(found.codes.initial)[: len(names(module.State))]
+    ]
     made = [*state, *range(output, output + len(found.component.of("output")))]
     constants = [*of_constants(found.codes.constants, par, room)]
     calls = [
@@ -139,11 +143,6 @@ def places(found: Functions, room: Room, buffered: int, own: int, output: int) -
     return Places(
         functions=found, buffered=buffered, own=own, output=output, time=time, par=par, tables=tables, calls=calls
     )
-
-
-def of_state(entry: Any, room: Room) -> int:
-    """Place of an entry of a state."""
-    return room.column(len(entry)) if isinstance(entry, list) else room.take(1)
 
 
 def of_constants(code: Code, par: Sequence[int], room: Room) -> Iterator[int]:
@@ -217,3 +216,50 @@ def called(found: Functions, which: int, taken: Sequence[int], made: Sequence[in
     code: Code = found.codes[which]
     at = ints([*taken, *(place for entry, place in zip(results(code), made) if not is_array(entry))])
     return Call(found.addresses[which], at, code.c.constants.ctypes.data)
+
+
+# One component alone over the samples of many records.
+
+
+Floats = npt.NDArray[np.float64]
+THREADS = 2  # more than memory can feed help little
+
+
+def filtered(
+    found: Functions,
+    values: Mapping[str, Any],
+    inputs: Sequence[Floats],
+    chosen: Sequence[int],
+    start: float,
+    step: float,
+) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    """Chosen outputs (runs, outputs, samples) of a component, and which runs failed; each input is (runs, samples).
+
+    `values` are those of the fields of its parameters; the first sample is at `start`, each after a `step` [s].
+    """
+    runs, samples = inputs[0].shape
+    data, failed = np.empty((runs, len(chosen), samples)), np.zeros(runs, dtype=bool)
+    room, c = Room(0), loop()
+    lost, own, output = map(room.take, (1, len(inputs), len(found.component.of("output"))))
+    at = places(found, room, own, own, output)
+    part, grid = structure(at, step), Loop(start=start, base_step=step, failed=lost)
+    signals = (Signal * len(inputs))(*(Signal(x.ctypes.data, *x.strides) for x in inputs))
+    recorded, width = ints(output + k for k in chosen), c.width()
+
+    def do(first: int) -> None:
+        """The runs from one on that fit into a vector."""
+        count = min(width, runs - first)
+        v, arrays = aligned(room.size, width), [np.zeros((size, width)) for size in room.memories]
+        for k, entry in enumerate(entries_of(found, values)):
+            if k in at.tables:
+                arrays[at.tables[k]] = table(entry, width)
+            else:
+                v[at.par[k]] = entry
+        block = Runs(columns=columns(arrays), count=count, v=v.ctypes.data, data=data.ctypes.data)
+        c.prepare(part, block)
+        c.filter(grid, block, part, signals, first, recorded, len(chosen), samples)
+        failed[first : first + count] = v[lost, :count] != 0.0
+
+    with ThreadPoolExecutor(THREADS) as threads:
+        [*threads.map(do, range(0, runs, width))]
+    return data, failed

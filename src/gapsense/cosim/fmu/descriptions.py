@@ -23,8 +23,7 @@ from time import time
 from typing import Any
 from xml.etree.ElementTree import Element, fromstring, tostring
 
-from gapsense._os.checked import fingerprint
-from gapsense._os.files import sha256, state
+from gapsense._os.files import fingerprint, sha256, state
 from gapsense._os.locks import FACTS, cache_folder
 from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
 from gapsense.fmi import ports
@@ -280,6 +279,8 @@ class Description:
     feedthrough: Mapping[str, frozenset[str]]  # inputs each output depends on directly; all where the FMU is silent
     is_single: bool = False  # a process can hold only one instance
     can_save: bool = False  # get, set and serialise its state
+    can_return: bool = False  # get and set its state, so that it can repeat a step
+    can_interpolate: bool = False  # takes slopes of its Real inputs
     fmi: int = 2  # version
     rules: Component | None = None  # that it states for its parameters
     step_size: float | None = None  # of its default experiment [s]
@@ -360,7 +361,9 @@ def read_anew(path: Path, sizes: Mapping[str, int], digest: str) -> Description:
         variables=variables,
         feedthrough=feedthrough(model, variables),
         is_single=bool(model.coSimulation.canBeInstantiatedOnlyOncePerProcess),
+        can_return=bool(model.coSimulation.canGetAndSetFMUstate),
         can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
+        can_interpolate=bool(getattr(model.coSimulation, "canInterpolateInputs", False)),
         fmi=int(model.fmiVersion[0]),
         rules=rules,
         step_size=step_size(model),
@@ -378,7 +381,7 @@ def opened(
         root, text = mended(data)
         model = read_model(text)
         add_limits(model, root)
-        moved = [v for v in model.modelVariables if not is_second(v)]
+        moved = [v for v in model.modelVariables if not (v.alias is not None and v.causality in ("input", "parameter"))]
         variables = {scalar.name: scalar for v in moved for scalar in scalars(v, sizes)}
         return model, variables, read_rules(root, variables), members
     except UnusableError:
@@ -446,11 +449,6 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
             if other != (v.array or v.name):
                 found = f"its variables `{shown(other)}` and `{shown(v.name)}` share the value reference {v.reference}"
                 raise UnusableError(f"{found}. Export it again.")
-
-
-def is_second(v: Any) -> bool:
-    """True for a second name of a variable that can be set."""
-    return v.alias is not None and v.causality in ("input", "parameter")
 
 
 def shortened(text: str) -> str:

@@ -37,7 +37,7 @@ C_TYPES_3: Mapping[str, Any] = {
     "Boolean": ctypes.c_bool,
     "String": ctypes.c_char_p,
 }
-GET, SET, STEP = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep"
+GET, SET, STEP, SLOPE = "fmi2GetReal", "fmi2SetReal", "fmi2DoStep", "fmi2SetRealInputDerivatives"
 STATUS = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
 WARNING, DISCARD, ERROR, FATAL = 1, 2, 3, 4
 # No status of FMI: the step was done and is to be the last; it ended the run before it was over; it went elsewhere.
@@ -190,6 +190,7 @@ class Instance:
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
+        self.held = ctypes.c_void_p()
         self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
@@ -312,6 +313,12 @@ class Instance:
         arguments = (references, ctypes.c_size_t(len(references)), values, *self.after(len(variables)))
         return partial(entry, pointer, *arguments)
 
+    def sloper(self, variables: Sequence[Variable], slopes: Any) -> Callable[[], int]:
+        """Function that tells how Real inputs go on in the next step, by an array [1/s], and returns the status."""
+        entry, count = self.function(SLOPE), len(variables)
+        orders = (c_int * count)(*[1] * count)
+        return partial(entry, self.pointer, referring(variables), c_size_t(count), orders, slopes)
+
     def after(self, _: int) -> tuple[Any, ...]:
         """Arguments of an accessor after the values, of which there are so many."""
         return ()
@@ -375,9 +382,24 @@ class Instance:
         finally:
             self.call("fmi2FreeFMUstate", ctypes.byref(state))
 
+    def hold(self) -> None:
+        """Keep the state as it is now, for `back`."""
+        self.call("fmi2GetFMUstate", ctypes.byref(self.held))
+
+    def back(self) -> None:
+        """Go back to the state that is held."""
+        self.call("fmi2SetFMUstate", self.held)
+
+    def facts(self) -> dict[str, Any]:
+        """What a result tells of where it ran; nothing of an FMU here."""
+        return {}
+
     def close(self) -> None:
         """Free the instance and its library, unless it is dead."""
         if not self.is_dead:
+            if self.held:
+                with suppress(FmuError):
+                    self.call("fmi2FreeFMUstate", ctypes.byref(self.held))
             self.is_dead = True
             self.loaded.free(self.entry("fmi2FreeInstance"))
 

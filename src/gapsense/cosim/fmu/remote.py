@@ -20,8 +20,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any, NamedTuple
 
-from gapsense._os.prestart import process
-from gapsense._os.processes import Died
+from gapsense._os.processes import Died, process
 from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.fmu.instance import (
     ENDS,
@@ -31,6 +30,7 @@ from gapsense.cosim.fmu.instance import (
     GET,
     KEPT,
     SET,
+    SLOPE,
     STEP,
     WARNING,
     Instance,
@@ -144,6 +144,11 @@ class RemoteInstance(Instance):
 
         return move
 
+    def sloper(self, variables: Sequence[Variable], slopes: Any) -> Callable[[], int]:
+        """Function that tells how Real inputs go on in the next step, by an array [1/s], and returns the status."""
+        names = [variable.name for variable in variables]
+        return lambda: self.request("slopes", [names, plain(slopes)])[0]
+
     def doer(self, duration: float) -> Callable[[float], int]:
         """Function of the start time that sets new inputs, does a step, reads Real outputs, and returns the status."""
         verb = STEP if self.has_only_reals else "do"
@@ -176,6 +181,14 @@ class RemoteInstance(Instance):
     def restore(self, saved: bytes) -> None:
         """Remember what another instance of the same FMU did."""
         self.wanted("restore", b64encode(saved).decode())
+
+    def hold(self) -> None:
+        """Keep the state as it is now, for `back`."""
+        self.wanted("hold")
+
+    def back(self) -> None:
+        """Go back to the state that is held."""
+        self.wanted("back")
 
     def close(self) -> None:
         """Free the instance, and end its process."""
@@ -277,6 +290,8 @@ class Server:
             instance.call(GET, *self.outputs)
         if verb in (STEP, "do", GET):
             return instance.last
+        if verb == "slopes":
+            return self.slope(*arguments)
         if verb == "move":
             return self.move(*arguments)
         if verb == "state":
@@ -285,6 +300,8 @@ class Server:
             "call": lambda: instance.call(arguments),
             "initialize": lambda: instance.initialize(*arguments),
             "restore": lambda: instance.restore(b64decode(arguments)),
+            "hold": instance.hold,
+            "back": instance.back,
         }
         return others[verb]()
 
@@ -292,6 +309,13 @@ class Server:
         """Set values of variables of one type, or get them."""
         array = self.instance.move(action, [self.description.variables[name] for name in names], raw(values))
         return plain(array) if action == "Get" else None
+
+    def slope(self, names: list[str], slopes: list[float]) -> None:
+        """Tell how Real inputs go on in the next step."""
+        variables = [self.description.variables[name] for name in names]
+        status = self.instance.sloper(variables, (ctypes.c_double * len(names))(*slopes))()
+        if status > WARNING:
+            raise self.instance.failure(SLOPE, status)
 
     def step(self, start: float, duration: float) -> None:
         """Do a step, and nothing else; its status is that of the answer."""

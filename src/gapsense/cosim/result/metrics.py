@@ -25,6 +25,7 @@ class MetricKind:
     reference: Literal["required", "optional", "none", "axis"]
     what: str
     takes_times: bool = False
+    takes_flows: bool = False  # after samples and reference, the efforts at both ends of a bond
 
 
 def rms(error: Vector) -> float:
@@ -50,6 +51,16 @@ def first_above(signal: Vector, times: Vector) -> float:
     return float(times[above[0]]) if above.size else math.inf
 
 
+def residual(effort: Vector, other: Vector, flow: Vector, other_flow: Vector) -> float:
+    """Energy that is lost or made on its way through a bond, over what goes through; NaN if nothing does.
+
+    It is the residual energy of Sadjina et al. (2017), of which here the parts of both signs are added.
+    """
+    leaving, arriving = effort * flow, other * other_flow
+    through = 0.5 * np.sum(np.abs(leaving) + np.abs(arriving))
+    return float(np.sum(np.abs(leaving - arriving)) / through) if through > 0.0 else math.nan
+
+
 KINDS: Mapping[str, MetricKind] = {
     "rmse": MetricKind(rms, "required", "Root mean square of the difference"),
     "max_abs": MetricKind(lambda error: float(np.max(np.abs(error))), "optional", "Greatest absolute value"),
@@ -72,6 +83,13 @@ KINDS: Mapping[str, MetricKind] = {
     ),
     "loop_area": MetricKind(loop_area, "axis", "Area inside the closed curve, positive if it is run anticlockwise"),
     "intercept": MetricKind(intercept, "axis", "Mean absolute value where the reference changes its sign"),
+    "bond": MetricKind(
+        residual,
+        "axis",
+        "Residual energy of a power bond, over the energy that goes through: signal and reference are the efforts at "
+        "both ends, `flows` the flows there",
+        takes_flows=True,
+    ),
 }
 
 

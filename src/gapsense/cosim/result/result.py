@@ -12,12 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.checked import sealed
-from gapsense._os.files import prepared, read_columns, rename, sha256, write_columns, write_json
+from gapsense._os.files import prepared, read_columns, rename, sealed, sha256, write_columns, write_json
 from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
 from gapsense.cosim.scenario.records import Metric, Span
-from gapsense.cosim.show import frame, plot, result_html
+from gapsense.cosim.show import pages, plots
 from gapsense.problems import suggest
 from gapsense.tables import Value
 
@@ -52,6 +51,21 @@ class Timing:
 
 
 @dataclass(frozen=True)
+class Iterations:
+    """How often a loop was evaluated to solve it, in how many steps."""
+
+    steps: int
+    evaluations: int
+    most: int  # of them in one step
+    at: float  # end of that step [s]
+
+    @property
+    def mean(self) -> float:
+        """Evaluations per step."""
+        return self.evaluations / self.steps
+
+
+@dataclass(frozen=True)
 class Run:
     """What was run and how: enough to repeat it, and to tell it from another."""
 
@@ -77,6 +91,8 @@ class Run:
     direct: tuple[str, ...] = ()  # connections to inputs with direct feedthrough
     remarks: tuple[str, ...] = ()  # on what falls between its steps
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
+    loops: Mapping[str, Iterations] = field(default_factory=dict)  # by the components that repeat steps together
+    boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of components on one: see `OnBoard.facts`
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,11 +143,11 @@ class Result:
 
     def plot(self, *patterns: str) -> Any:
         """Figure of the recorded signals of these names or patterns, by default all: a panel per unit."""
-        return plot(self, patterns)
+        return plots().signals(self, patterns)
 
     def to_pandas(self) -> Any:
         """The signals as a DataFrame of pandas, by time [s]; units are in its `attrs["units"]`."""
-        return frame(self.signals, "time", self.times, self.units)
+        return pages().frame(self.signals, "time", self.times, self.units)
 
     def __repr__(self) -> str:
         span = f" from {self.times[0]:.6g} s to {self.times[-1]:.6g} s" if self.times.size else ""
@@ -146,8 +162,8 @@ class Result:
         )
         return f"<Result {self.run.scenario!r}: {', '.join(parts)}>"
 
-    def _repr_html_(self) -> str:
-        return result_html(self.run.title, repr(self), self.metrics, self.signals, self.units)
+    def _repr_html_(self) -> Any:
+        return pages().of_result(self.run.title, repr(self), self.metrics, self.signals, self.units)
 
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.
@@ -222,6 +238,7 @@ def read_result(path: str | Path) -> Result:
     units = {**TIME, **{name: signal["unit"] for name, signal in data["signals"].items()}}
     columns, about = read_columns(path, units, content), data["run"]
     about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct", "remarks") if name in about}
+    about["loops"] = {name: Iterations(**item) for name, item in about.get("loops", {}).items()}
     return Result(
         run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
         times=columns.pop("time"),
@@ -301,13 +318,27 @@ def window(metric: Metric, result: Result) -> Window:
 def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
     """One metric over its samples."""
     kind, signal, other = KINDS[metric.kind], result[metric.signal][samples.rows], reference(metric, result, samples)
-    arguments = (signal, other) if kind.reference == "axis" else (signal - other,)
+    arguments: tuple[Vector | float, ...] = (signal, other) if kind.reference == "axis" else (signal - other,)
+    if kind.takes_flows:
+        names = (metric.signal, str(metric.reference), *(metric.flows or ()))
+        arguments = tuple(held(result, name)[samples.rows] for name in names)
     if kind.takes_times:
         begin = window(metric, result)[0]
         arguments = (*arguments, samples.times - (result.run.start if begin is None else begin))
     value = kind.compute(*arguments) if signal.size else math.nan
     shown = (metric.description, metric.published, metric.table, metric.label)
     return Measured(metric.name, value, unit_of(metric, units), metric.bounds, *shown)
+
+
+def held(result: Result, name: str) -> Vector:
+    """Values of a signal as they were in the steps that end at the rows: with Jacobi a row has the next inputs."""
+    values = result[name]
+    return np.concatenate((values[:1], values[:-1])) if is_late(result, name) else values
+
+
+def is_late(result: Result, name: str) -> bool:
+    """True if the value that a signal had in a step stands in the row where the step begins."""
+    return result.run.method == "jacobi" and result.about[name].causality == "input"
 
 
 def within(window: Window, times: Vector, slack: float) -> npt.NDArray[np.bool_]:
@@ -343,4 +374,4 @@ def unit_of(metric: Metric, units: Mapping[str, str]) -> str:
         return f"{units.get(metric.signal, '')}.{units.get(str(metric.reference), '')}"
     if KINDS[metric.kind].takes_times:
         return "s"
-    return "" if metric.kind == "fraction" else units.get(metric.signal, "")
+    return "" if metric.kind in ("fraction", "bond") else units.get(metric.signal, "")

@@ -9,8 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from gapsense._os.checked import SEAL, is_sealed
-from gapsense._os.files import read_bytes, read_json
+from gapsense._os.files import SEAL, is_sealed, read_bytes, read_json
 from gapsense.cosim.scenario.read import RESULT, missing, other_kind, scenario_file
 from gapsense.problems import InputError
 

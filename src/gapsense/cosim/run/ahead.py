@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
-from gapsense._os.prestart import ahead
+from gapsense._os.processes import ahead
+from gapsense.shipped import COMPONENTS
 
 AUTO, FMU, NATIVE, VECTORS = ENGINES = ("auto", "fmu", "native", "vectors")
 
@@ -26,3 +28,22 @@ def run_ahead(again: bool = False, engine: str = FMU) -> Iterator[None]:
         return (yield)
     with ahead("gapsense.cosim.run.apart", "gapsense.cosim.run.master", again=again):
         yield
+
+
+@contextmanager
+def runs_ahead(workers: int, engine: str, scenario: Path | None) -> Iterator[None]:
+    """Start the processes now, unless vectors will do the runs: where all FMUs have names of ours, as it seems."""
+    if likely_vectors(engine) and (scenario is None or has_names_of_ours(scenario)):
+        return (yield)
+    with ahead("gapsense.many.worker", count=workers):
+        yield
+
+
+def has_names_of_ours(scenario: Path) -> bool:
+    """Whether the FMUs of a scenario are called like components that come with this package."""
+    from gapsense.tables import read_toml  # here, so that a run starts fast
+
+    ours = {folder.parent.name.replace("_", "") for folder in COMPONENTS.glob("*/component.py")}
+    components = (read_toml(scenario, []) or {}).get("components")
+    found = components.values() if isinstance(components, dict) else ()
+    return {Path(str(own.get("fmu"))).stem.lower() for own in found if isinstance(own, dict)} <= ours

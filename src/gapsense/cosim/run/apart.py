@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from gapsense._os.files import write_atomically
 from gapsense._os.interrupts import counted
-from gapsense._os.prestart import process as new_process
 from gapsense._os.processes import Died, Process, own_marks
+from gapsense._os.processes import process as new_process
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.run.recording import (
     COMPONENT,
@@ -37,9 +37,10 @@ from gapsense.cosim.run.recording import (
     Take,
     death,
     from_facts,
+    order_of,
     shape,
 )
-from gapsense.cosim.scenario.records import Scenario, execution_order
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.problems import FmuError
 
 if TYPE_CHECKING:
@@ -102,8 +103,7 @@ class Run:
         self.process, self.plan, self.watch, self.interrupts = process, plan, watch, interrupts
         self.folder, self.marks = process.folder, process.marks
         self.data = shared(self.folder / "rows", shape(plan.scenario, plan.take.columns), is_new=True)
-        names, connections = list(plan.scenario.components), plan.scenario.connections
-        self.order = execution_order(names, connections, plan.descriptions).names
+        self.order = order_of(plan.scenario, plan.descriptions).names
         (self.folder / "plan").write_bytes(pickle.dumps(plan))
         self.answers: Queue[Answer] = Queue()
         self.since: float | None = None  # the first Ctrl-C

@@ -91,6 +91,8 @@ class Keeper(NamedTuple):
         recording.longest[:], recording.spread[:] = saved["longest"], saved["spread"]
         recording.wall += saved["wall"]
         recording.overruns, recording.lag = saved["overruns"], saved["lag"]
+        for name in ("loops", "inverses", "inputs"):
+            setattr(recording, name, saved.get(name, {}))
         master.director.restore(about["events"])
         return int(about["done"]) + 1
 

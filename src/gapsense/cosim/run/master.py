@@ -7,16 +7,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter, sleep
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.files import sha256
 from gapsense._os.processes import Marks
-from gapsense.cosim.fmu.descriptions import Descriptions
+from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
 from gapsense.cosim.fmu.remote import RemoteInstance
 from gapsense.cosim.run.events import Director, explained
+from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer, language
 from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, place, player
 from gapsense.cosim.run.recording import (
@@ -36,7 +38,7 @@ from gapsense.cosim.run.recording import (
     shape,
     varied_events,
 )
-from gapsense.cosim.scenario.records import Experiment, Port, Scenario, ports, texts
+from gapsense.cosim.scenario.records import ITERATIVE, Component, Experiment, Port, Scenario, ports, texts
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -70,11 +72,14 @@ class Master:
         self.subject = Subject(scenario, descriptions)
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = self.subject.order
-        self.places = Layout(ports(descriptions), texts(descriptions), self.subject.resolved(scenario.events))
+        delayed = self.order.delayed if scenario.experiment.method == ITERATIVE else ()
+        self.places = Layout(ports(descriptions), texts(descriptions), self.subject.resolved(scenario.events), delayed)
+        self.loops = [tuple(map(self.order.names.index, loop)) for loop in self.order.loops]
         self.buffer = array("d", [0.0]) * self.places.size
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
         self.parts: list[Part] = []
+        self.links: dict[Any, Any] = {}  # to boards, by place and firmware
         self.director = Director({}, scenario.experiment, (), self.places, self.view, {}, self.marks)
         try:
             self.load()
@@ -92,9 +97,26 @@ class Master:
     def instance(self, name: str) -> Instance:
         """Instance of a component, in a process of its own if the scenario wants that."""
         description = self.descriptions[name]
-        if self.scenario.components[name].isolation == "process":
+        component = self.scenario.components[name]
+        if component.board:
+            return self.on_board(name, component, description)
+        if component.isolation == "process":
             return RemoteInstance(name, description, unpacked(description), self.scenario.experiment.step_limit)
         return instance_of(name, description, unpacked(description))
+
+    def on_board(self, name: str, component: Component, description: Description) -> Instance:
+        """A component on its board, which others may share."""
+        from gapsense.cosim.fmu.board import on_board  # here, so that others start fast
+        from gapsense.cosim.fmu.line import BoardError, Link
+
+        key, limit = (component.board, component.firmware), self.scenario.experiment.step_limit
+        try:
+            self.links[key] = self.links.get(key) or Link(*key, limit)
+        except BoardError as error:
+            raise FmuError(name, f"the board `{component.board}` {error}.") from error
+        read = {*self.subject.about, *(str(c.source) for c in self.scenario.connections)}
+        wanted = {v.name for v in description.of("output") if f"{name}.{v.name}" in read}
+        return on_board(name, description, unpacked(description), self.links[key], wanted, component.clock)
 
     def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
         """What there is of every component in execution order, with marks that say which one is touched, and why."""
@@ -103,6 +125,10 @@ class Master:
             self.marks[COMPONENT] = number
             yield item
         self.marks[COMPONENT] = MASTER
+
+    def touch(self, part: Part) -> None:
+        """Mark that a part is touched."""
+        self.marks[COMPONENT] = self.parts.index(part) + 1
 
     def adopt(self, scenario: Scenario, descriptions: Descriptions) -> bool:
         """Run another scenario from now on, if that has the same FMUs, wired in the same way; else say no."""
@@ -125,7 +151,9 @@ class Master:
         """Free all instances."""
         for part in self.parts:
             part.instance.close()
-        self.parts = []
+        for link in self.links.values():
+            link.close()
+        self.parts, self.links = [], {}
 
     @folder_kept()
     def run(
@@ -144,7 +172,8 @@ class Master:
         step in which the mark STOP is set. The `keeper` has where to go on and when to save.
         """
         recording = recording or Recording(np.empty(shape(self.scenario, columns)))
-        recording.begun, recording.loop = perf_counter(), language()
+        is_iterative = self.scenario.experiment.method == ITERATIVE
+        recording.begun, recording.loop = perf_counter(), "Python" if is_iterative else language()
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
@@ -164,6 +193,7 @@ class Master:
         except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
             recording.interrupted = True
         recording.wall, recording.begun = recording.clocked(), None
+        recording.boards = {part.component.name: part.instance.facts() for part in self.parts if part.component.board}
         recording.messages += self.messages()
         return recording
 
@@ -194,7 +224,12 @@ class Master:
             place(port, value, self.places, self.buffer, self.texts)
         self.player = player(self.scenario.played, self.places.inlets, experiment)
         self.player.into(self.view)(0)
-        for part in self.each(STARTING, self.parts):
+        self.places.remember(self.buffer, self.texts)
+        for number, part in enumerate(self.each(STARTING, self.parts)):
+            if loop := next((loop for loop in self.loops if number in loop), ()):
+                if number == loop[0]:
+                    start_loop([self.parts[i] for i in loop], experiment, self.touch)
+                continue
             refuse(part, part.taker()(), experiment)
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
@@ -275,6 +310,7 @@ class Master:
                 marks=marks,
                 begin=begin,
                 watches=self.director.watches,
+                loops=self.loops,
             )
         )
 
@@ -293,7 +329,15 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
     targets = {name: event.target for name, event in scenario.events.items()}
-    return list(bare.items()), hashes, scenario.connections, list(targets.items()), scenario.experiment.step_limit
+    boards = [c.firmware and sha256(c.firmware) for c in bare.values()]
+    return (
+        list(bare.items()),
+        hashes,
+        boards,
+        scenario.connections,
+        list(targets.items()),
+        scenario.experiment.step_limit,
+    )
 
 
 def refuse(part: Part, failed: str, experiment: Experiment) -> None:

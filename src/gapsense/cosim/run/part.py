@@ -54,12 +54,14 @@ class Wire(NamedTuple):
 class Layout:
     """Where each input and output lies in the common buffer, see `signals.ports`; a String has no place in it.
 
-    Behind them are the places of events on inputs; values for an input with events go to its inlet.
+    Behind them are the places of events on inputs; values for an input with events go to its inlet. Last come those for
+    the earlier values of outputs, which connections that are `delayed` carry in a loop that is iterated.
     """
 
     variables: Mapping[Port, Variable]
     texts: Mapping[Port, Variable] = field(default_factory=dict)
     events: Mapping[str, Event] = field(default_factory=dict)
+    delayed: Sequence[Connection] = ()
 
     @cached_property
     def index(self) -> dict[Port, int]:
@@ -83,7 +85,21 @@ class Layout:
     @property
     def size(self) -> int:
         """Places in the buffer, at least one."""
-        return max(1, len(self.variables) + 2 * len(self.slots))
+        return max(1, len(self.variables) + 2 * len(self.slots) + len(self.earlier))
+
+    @cached_property
+    def earlier(self) -> dict[Port, int]:
+        """Place of the earlier value of each output that is delayed."""
+        ports, first = dict.fromkeys(c.source for c in self.delayed), len(self.variables) + 2 * len(self.slots)
+        return {port: first + k for k, port in enumerate(ports)}
+
+    def remember(self, buffer: array[float], texts: Texts) -> None:
+        """Keep the values that outputs have now for the connections that are delayed."""
+        for port, place in self.earlier.items():
+            if port in self.index:
+                buffer[place] = buffer[self.index[port]]
+            else:
+                texts[before(port)] = texts[port]
 
     def wires(self, connections: Sequence[Connection], component: str) -> list[Wire]:
         """Connections of numbers into a component, those that convert last."""
@@ -91,7 +107,8 @@ class Layout:
         for c in connections:
             if c.target.component == component and c.target in self.index:
                 line = (1.0 if c.factor is None else c.factor, c.bias or 0.0)
-                found.append(Wire(self.inlets[c.target], self.index[c.source], c.converts, *line))
+                source = self.earlier[c.source] if c.delayed and c.source in self.earlier else self.index[c.source]
+                found.append(Wire(self.inlets[c.target], source, c.converts, *line))
         return sorted(found, key=lambda wire: wire.converts)
 
     def of(self, component: str, causality: str) -> list[Port]:
@@ -222,6 +239,7 @@ class Part:
         self.component, self.instance, self.buffer, self.places = component, instance, buffer, places
         self.texts, self.spoken, self.problem = texts, list[tuple[Port, Port]](), ""
         self.wires: list[Wire] = []
+        self.means: set[Port] = set()  # inputs that have a mean over the step
         self.outputs = places.of(component.name, "output")
         self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
         self.is_played = False  # an input follows a signal of the scenario
@@ -247,12 +265,18 @@ class Part:
         """Let inputs follow outputs from now on."""
         self.wires = self.places.wires(connections, self.component.name)
         own = self.places.spoken(self.component.name, "input")
-        self.spoken = [(c.target, c.source) for c in connections if c.target in own]
+        late = self.places.earlier
+        self.means = {c.target for c in connections if c.mean}
+        self.spoken = [
+            (c.target, before(c.source) if c.delayed and c.source in late else c.source)
+            for c in connections
+            if c.target in own
+        ]
 
-    def taker(self) -> Callable[[], str]:
+    def taker(self, copy: Callable[[], None] | None = None) -> Callable[[], str]:
         """Function that copies connected outputs into the inputs and sets these; returns what failed, or nothing."""
         buffer, texts, spoken, givers = self.buffer, self.texts, tuple(self.spoken), self.givers
-        copy = self.copier()
+        copy = copy or self.copier()
 
         def take() -> str:
             copy()
@@ -316,12 +340,12 @@ class Part:
         self.status = status
         return function if status > WARNING else ""
 
-    def stepper(self, base_step: float, takes_inputs: bool) -> Stepper:
+    def stepper(self, base_step: float, takes_inputs: bool, take: Callable[[], str] | None = None) -> Stepper:
         """Function of the start time that does one step and reads the outputs; returns what failed, or nothing.
 
         For Gauss-Seidel the inputs are taken first, unless nothing is connected to them: then they never change.
         """
-        take = self.taker() if takes_inputs and self.follows else None
+        take = take or self.taker() if takes_inputs and self.follows else None
         do, read = self.instance.doer(self.component.step * base_step), self.reader()
 
         def step(start: float) -> str:
@@ -392,6 +416,11 @@ def inlets(events: Mapping[str, Event], index: Mapping[Port, int], places: Mappi
 # What inputs get that no output drives: constants, and signals of the scenario.
 
 
+def before(port: Port) -> Port:
+    """What stands for a text output as it was a step before."""
+    return Port("", str(port))
+
+
 def constants(scenario: Scenario, descriptions: Descriptions, swept: Mapping[Port, Value]) -> dict[Port, Value]:
     """Values of inputs at the start: those of `[inputs]`, and those that the `set` of a component or a sweep gives."""
     given = {Port(name, n): v for name, component in scenario.components.items() for n, v in component.values.items()}
@@ -432,6 +461,7 @@ class Work(NamedTuple):
     marks: Marks
     begin: int
     watches: Sequence[Watch] = ()  # conditions of which news end a block
+    loops: Sequence[Sequence[int]] = ()  # places among the parts of those that repeat each step together
 
 
 def first_turn(component: Component, begin: int) -> int:

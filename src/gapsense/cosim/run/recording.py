@@ -86,7 +86,12 @@ class Recording:
     ended: str = ""  # by which components in an orderly way, before its stop or there
     error: FmuError | None = None
     loop: str = "C"  # language of the loop over base steps
+    boards: dict[str, Any] = field(default_factory=dict)  # what is told of each component on a board
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
+    # Of each loop that is iterated: steps, evaluations, most of them in a step and in which; its inverse Jacobian.
+    loops: dict[str, list[int]] = field(default_factory=dict)
+    inverses: dict[str, list[list[float]]] = field(default_factory=dict)
+    inputs: dict[str, list[float]] = field(default_factory=dict)  # at the last step of components that interpolate
 
     def start(self, parts: int) -> Recording:
         """Begin to count the steps of so many components."""
@@ -189,7 +194,7 @@ class Subject:
     @cached_property
     def order(self) -> Order:
         """In which the components act."""
-        return execution_order(list(self.scenario.components), self.scenario.connections, self.descriptions)
+        return order_of(self.scenario, self.descriptions)
 
     def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
         """Events with one target each, and with values as FMI takes them."""
@@ -267,6 +272,12 @@ def varied_events(
     return varied(events, values, problems)
 
 
+def order_of(scenario: Scenario, descriptions: Descriptions) -> Order:
+    """Order in which the components of a scenario act."""
+    method = scenario.experiment.method
+    return execution_order(list(scenario.components), scenario.connections, descriptions, method)
+
+
 def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
     """True if an output of the target depends directly on what the connection carries."""
     return connection.target.variable in descriptions[connection.target.component].direct_inputs
@@ -308,9 +319,9 @@ def finished(subject: Subject, take: Take, recording: Recording) -> Result:
 
 def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
     """Result of a recording, without metrics."""
-    from gapsense.cosim.result.result import Result
+    from gapsense.cosim.result.result import Iterations, Result
 
-    overruns, lag = recording.overruns, recording.lag
+    overruns, lag, time = recording.overruns, recording.lag, subject.scenario.experiment.time
     return Result(
         run=replace(
             subject.run,
@@ -319,7 +330,9 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
             versions={**subject.run.versions, "loop": recording.loop},
             overruns=overruns,
             lag=lag,
+            loops={name: Iterations(n[0], n[1], n[2], time(n[3])) for name, n in recording.loops.items()},
             remarks=(*subject.run.remarks, *said(subject, recording)),
+            boards=recording.boards,
         ),
         times=times(subject.scenario, recording.rows),
         signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
@@ -338,6 +351,11 @@ def said(subject: Subject, recording: Recording) -> Iterator[str]:
     """Sentences on what components did in the run that is no failure: the end of it, warnings."""
     if recording.ended:
         yield recording.ended
+    for name, board in recording.boards.items():
+        if board["repeated"]:
+            what = ", ".join(f"{count} x {trouble}" for trouble, count in board["repeated"].items())
+            first = "" if board["first"] is None else f", the first at t = {board['first']:.9g} s"
+            yield f"`{name}`: requests to its board `{board['board']}` had to be repeated{first}: {what}."
     from gapsense.cosim.fmu.instance import WARNING, summary
 
     for name, warnings, calls in zip(subject.run.order, recording.warnings, recording.calls):

@@ -16,7 +16,7 @@ from gapsense.cosim.run.master import Master, Progress
 from gapsense.cosim.run.run import run, run_once
 from gapsense.cosim.scenario.read import Document, read_document, scenario_file
 from gapsense.cosim.scenario.write import write_document
-from gapsense.cosim.show import scenario_html
+from gapsense.cosim.show import pages
 from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import flattened
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 Self = TypeVar("Self", bound="Content")
+KEYS = ("step", "offset", "parameters", "board", "firmware", "clock")  # of a component, beside what it is given
 UNFIT = re.compile(r"[^\w .-]")  # for the name of a file
 
 
@@ -105,11 +106,12 @@ class Content:
         values : mapping, optional
             Parameters, constant inputs and the seed by name, as for `set`.
         more
-            The same where the name has no dots; `step`, `offset` and `parameters` are the keys of `[components.NAME]`.
+            The same where the name has no dots; `step`, `offset`, `parameters`, `board`, `firmware` and `clock` are
+            the keys of `[components.NAME]`.
         """
         if name in self.components:
             raise ScenarioError([f"{self.path.name}: there is a component `{name}` already. Choose another name."])
-        own = {key: plain(more.pop(key)) for key in ("step", "offset", "parameters") if key in more}
+        own = {key: plain(more.pop(key)) for key in KEYS if key in more}
         self.components[name] = {"fmu": Path(fspath(fmu)).as_posix(), **own}
         given: dict[str, Any] = {**(values or {}), **more}
         for variable, value in flattened(plain(given)):
@@ -127,7 +129,7 @@ class Content:
         targets : str
             Inputs.
         conversion : float, str or bool
-            `factor`, `bias`, `unit` and `delayed` as in `[[connections]]`.
+            `factor`, `bias`, `unit`, `delayed` and `mean` as in `[[connections]]`.
         """
         if not isinstance(source, str):
             for target, output in source.items():
@@ -347,5 +349,5 @@ class Scenario(Content):
         loaded = "loaded" if self.master else "not loaded"
         return f"<Scenario {self.data.get('title')!r}: {components or 'no components'}, {loaded}>"
 
-    def _repr_html_(self) -> str:
-        return scenario_html(self.data, repr(self))
+    def _repr_html_(self) -> Any:
+        return pages().of_scenario(self.data, repr(self))

@@ -3,7 +3,16 @@
 from __future__ import annotations
 
 from gapsense.cosim.result.metrics import KINDS
-from gapsense.cosim.scenario.records import ACTIONS, INTERPOLATIONS, ISOLATIONS, METHODS, NAME, STEP_LIMIT, Tolerance
+from gapsense.cosim.scenario.records import (
+    ACTIONS,
+    INTERPOLATIONS,
+    ISOLATIONS,
+    METHODS,
+    NAME,
+    STEP_LIMIT,
+    Experiment,
+    Tolerance,
+)
 from gapsense.parameters import is_file
 from gapsense.tables import (
     BOUNDS,
@@ -100,8 +109,9 @@ EXPERIMENT = Section(
         Key(
             "method",
             TEXT,
-            "Components step one after another, or all at once with the values of the previous step",
-            '"jacobi"',
+            "Components step one after another, or all at once with the values of the previous step, or one after "
+            "another with those in a loop repeating the step until their values agree",
+            '"iterative"',
             default=METHODS[0],
             choices=METHODS,
         ),
@@ -120,6 +130,30 @@ EXPERIMENT = Section(
             "Wall time [s] that a step of a component in another process may take, and each call at its start",
             "10.0",
             default=STEP_LIMIT,
+        ),
+        Key(
+            "loop_tolerance",
+            POSITIVE,
+            "With `iterative`: what a value in a loop may be off, of its nominal value, or of the one a step before if "
+            "that is more",
+            "1e-10",
+            default=Experiment.loop_tolerance,
+        ),
+        Key(
+            "loop_evaluations",
+            COUNT,
+            "With `iterative`: how often a loop may be evaluated in one step",
+            "50",
+            default=Experiment.loop_evaluations,
+        ),
+        Key(
+            "inputs",
+            TEXT,
+            "With `iterative`: Real inputs of components that can interpolate (canInterpolateInputs) go to their new "
+            "value in a straight line, or have it from the beginning of the step",
+            '"hold"',
+            default=Experiment.inputs,
+            choices=INTERPOLATIONS,
         ),
     ),
 )
@@ -162,6 +196,23 @@ COMPONENT = Section(
             default=ISOLATIONS[0],
             choices=ISOLATIONS,
         ),
+        Key(
+            "board",
+            TEXT,
+            "[Board](firmware.md) on which the component runs: `qemu:<machine>`, `serial:<device>[:<baud>]` or "
+            "`tcp:<host>:<port>`. Components with the same board share it",
+            '"qemu:mps2-an386"',
+            otherwise="none",
+        ),
+        Key(
+            "firmware",
+            TEXT,
+            "Program of `export-c --loop` that QEMU loads, relative to this file",
+            '"firmware/cortex-m4.elf"',
+            otherwise="none",
+            is_path=always,
+        ),
+        Key("clock", POSITIVE, "Clock of the board [Hz], by which its load is told", "168e6", otherwise="not told"),
         Key("set", TABLE, "Parameters of this component", otherwise="none", section=SET),
     ),
     at="[components.valve]",
@@ -184,7 +235,7 @@ CONNECT = Section(
 )
 CONNECTION = Section(
     "[[connections]]",
-    "A connection that converts (the input becomes `factor * source + bias`) or is delayed.",
+    "A connection that converts (the input becomes `factor * source + bias`), is delayed or carries a mean.",
     (
         Key("from", TEXT, "Output `component.variable`", '"drive.voltage"', required=True),
         Key("to", TEXT, "Input `component.variable`", '"sensor.voltage"', required=True),
@@ -195,6 +246,14 @@ CONNECTION = Section(
             "delayed",
             TRUTH,
             "The component with the input steps first and gets the value of the previous step; this closes a loop",
+            "true",
+            default=False,
+        ),
+        Key(
+            "mean",
+            TRUTH,
+            "The output is a mean over the step: with `iterative` the input has it in the whole step, and is not "
+            "interpolated",
             "true",
             default=False,
         ),
@@ -336,6 +395,14 @@ METRIC = Section(
             is_other=True,
         ),
         Key(
+            "flows",
+            TEXTS,
+            "Of a `bond`: the two recorded signals that are multiplied by signal and reference",
+            '["spring.speed", "mass.speed"]',
+            otherwise="none",
+            is_other=True,
+        ),
+        Key(
             "bounds",
             BOUNDS,
             "Range in which it must lie; otherwise `gapsense test` and `run` fail",
@@ -414,7 +481,7 @@ FILE = Section(
         Key("experiment", TABLE, "Time grid", required=True, section=EXPERIMENT),
         Key("components", TABLE, "FMU instances", required=True, section=COMPONENTS),
         Key("connect", TABLE, "Wiring", section=CONNECT),
-        Key("connections", TABLES, "Wiring that converts, or is delayed", section=CONNECTION),
+        Key("connections", TABLES, "Wiring that converts, is delayed or carries a mean", section=CONNECTION),
         Key("inputs", TABLE, "Inputs that no output drives", section=INPUTS),
         Key("events", TABLE, "What happens during a run", section=EVENTS),
         Key("seeds", TABLE, "Seeds", section=SEEDS),

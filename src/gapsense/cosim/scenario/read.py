@@ -431,7 +431,8 @@ class Reader:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
         read = grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
-        return replace(read, isolation=given["isolation"], step_limit=min(float(given["step_limit"]), LONGEST))
+        own = {key: given[key] for key in ("isolation", "loop_tolerance", "loop_evaluations", "inputs")}
+        return replace(read, **own, step_limit=min(float(given["step_limit"]), LONGEST))
 
     def components(self, table: Table) -> dict[str, Component]:
         """Components by name, in the order of the file."""
@@ -453,6 +454,8 @@ class Reader:
         layers.append((inline.where(), located_values(inline, self.path.parent)))
         layers.append((OVER, self.changes.parameters(name)))
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
+        firmware = (self.path.parent / own["firmware"]).resolve() if own["firmware"] else None
+        self.files += [firmware] if firmware and firmware.is_file() else []
         self.files += [*files, *(Path(str(value)) for _, name, value in given if is_file(name, value))]
         return Component(
             name=name,
@@ -463,6 +466,9 @@ class Reader:
             origin={name: place for place, name, _ in given},
             sets=sets,
             isolation=own["isolation"],
+            board=own["board"] or "",
+            firmware=firmware,
+            clock=own["clock"],
         )
 
     def seeds(self, table: Table) -> dict[str, int]:
@@ -668,7 +674,7 @@ def read_connection(table: Table) -> Connection | None:
     """One connection of the long form, or None if it lacks an end."""
     own = table.read(CONNECTION)
     source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
-    how = (own["factor"], own["bias"], own["unit"], own["delayed"])
+    how = (own["factor"], own["bias"], own["unit"], own["delayed"], own["mean"])
     return Connection(source, target, *how, place=table.place) if source and target else None
 
 
@@ -784,6 +790,11 @@ def read_metric(table: Table, name: str) -> Metric | None:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. `after` must be the smaller one.")
     if own["kind"] is None or own["signal"] is None or not reference_fits(table, own["kind"], own["reference"]):
         return None
+    count, expected = len(own["flows"] or ()), 2 if KINDS[own["kind"]].takes_flows else 0
+    if count != expected:
+        table.note("flows", f"{count} signals found, {expected} expected for `{own['kind']}`. Correct the list.")
+        return None
+    own["flows"] = tuple(own["flows"]) if own["flows"] else None
     span = None if bounds is None else (float(bounds[0]), float(bounds[1]))
     label = name if own["label"] is None else own["label"]
     return Metric(**{**own, "name": name, "bounds": span, "label": label})
@@ -876,7 +887,7 @@ def read_event(table: Table, name: str, changes: Mapping[str, Any]) -> Event | N
     note_times(table, given)
     if target is None or given["action"] is None or len(table.problems) > before:
         return None
-    times = {key: as_float(given[key]) for key in ("over", "at", "until", "duration")}
+    times = {key: (None if given[key] is None else float(given[key])) for key in ("over", "at", "until", "duration")}
     return Event(name=name, **{**given, **times, "target": target, "when": when, "given": dict(table.data)})
 
 
@@ -885,11 +896,6 @@ def laid_over(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
     flat = {**dict(flattened(data)), **changes}
     when = {key.removeprefix("when."): value for key, value in flat.items() if key.startswith("when.")}
     return {**{key: value for key, value in flat.items() if "." not in key}, **({"when": when} if when else {})}
-
-
-def as_float(value: Any) -> float | None:
-    """A number as a float."""
-    return None if value is None else float(value)
 
 
 def read_when(table: Table) -> When | None:

@@ -45,6 +45,9 @@ class Experiment:
     pace: float | None = None  # simulated seconds per second of wall time; None: as fast as possible
     isolation: str = "none"  # or the run is in a process of its own
     step_limit: float = STEP_LIMIT  # wall time [s] of one step of a component in another process
+    loop_tolerance: float = 1e-8  # of the nominal value: what a loop that is iterated may be off
+    loop_evaluations: int = 100  # of a loop in a step, at most
+    inputs: str = "linear"  # how they get to a new value in a step, if `iterative` and the component can do that
 
     def time(self, index: int) -> float:
         """Time of base step `index` [s], computed by multiplication so that errors do not add up."""
@@ -63,13 +66,17 @@ class Component:
     origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
     sets: Mapping[Path, Mapping[str, Value]] = field(default_factory=dict)  # its parameter sets, see `taken`
     isolation: str = "none"  # or the instance is in a process of its own
+    board: str = ""  # on which it runs, as `cosim/fmu/line.py` reads it; the FMU goes along
+    firmware: Path | None = None  # for a board that is emulated
+    clock: float | None = None  # of the board [Hz]
 
 
 @dataclass(frozen=True)
 class Connection:
     """`target` receives `factor * source + bias`; `unit` is that after the conversion, `place` where it is written.
 
-    A connection that is `delayed` carries the value of one step before: its target steps before its source.
+    A connection that is `delayed` carries the value of one step before: its target steps before its source. One that is
+    a `mean` over the step has this value in the whole of it, also at an input that interpolates.
     """
 
     source: Port
@@ -78,6 +85,7 @@ class Connection:
     bias: float | None = None
     unit: str | None = None
     delayed: bool = False
+    mean: bool = False
     place: str = ""
 
     @property
@@ -297,7 +305,8 @@ def product(sizes: Iterable[int]) -> str:
 
 
 NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `component.variable`, or of an event
-METHODS = ("gauss-seidel", "jacobi")
+ITERATIVE = "iterative"
+METHODS = ("gauss-seidel", "jacobi", ITERATIVE)
 ISOLATIONS = ("none", "process")
 MOST_STEPS = 10**10  # of a run: hours for the smallest
 
@@ -336,6 +345,7 @@ class Metric:
     where: str | None = None  # signal that is 0 at samples to leave out
     time: str | None = None
     event: str | None = None
+    flows: tuple[str, ...] | None = None  # of a bond, at the end of the signal and of the reference
     bounds: tuple[float, float] | None = None
     description: str = ""
     published: float | None = None  # in a paper or a data sheet, to be shown beside; it is not tested
@@ -527,10 +537,14 @@ def recorded_signals(scenario: Scenario, descriptions: Descriptions) -> dict[str
 
 @dataclass(frozen=True)
 class Order:
-    """Components in the order in which they step, and the connections that carry the value of one step before."""
+    """Components in the order in which they step, and the connections that carry the value of one step before.
+
+    With `iterative` there are loops too: components that step together, neighbours in the order.
+    """
 
     names: tuple[str, ...]
     delayed: tuple[Connection, ...] = ()
+    loops: tuple[tuple[str, ...], ...] = ()
 
 
 class FeedthroughCycleError(ValueError):
@@ -539,21 +553,29 @@ class FeedthroughCycleError(ValueError):
     def __init__(self, cycle: Sequence[Connection]) -> None:
         super().__init__(
             f"algebraic loop through {', '.join(map(str, cycle))}: every input on it has direct feedthrough. "
-            "Break it with a component without feedthrough, such as a delay or a lag, or with `delayed = true` in "
-            "`[[connections]]`."
+            'Solve it in every step with `method = "iterative"` in `[experiment]`, or break it with a component '
+            "without feedthrough, such as a delay or a lag, or with `delayed = true` in `[[connections]]`."
         )
 
 
-def execution_order(names: Sequence[str], connections: Sequence[Connection], descriptions: Descriptions) -> Order:
+def execution_order(
+    names: Sequence[str], connections: Sequence[Connection], descriptions: Descriptions, method: str = METHODS[0]
+) -> Order:
     """Order in which every component follows those that drive it, as far as there are no loops.
 
     In a loop, a component all of whose waiting inputs lack direct feedthrough goes first; the connections to these
     inputs then carry the value of one step before. Where a connection is to be delayed, its source follows its target.
     Among equals the order of the file decides, that of `names`.
-    Raises FeedthroughCycleError if a loop has nothing but direct feedthrough.
+    Raises FeedthroughCycleError if a loop has nothing but direct feedthrough, unless loops are iterated.
     """
+    if method == ITERATIVE:
+        return order_of_loops(names, connections)
     left, done, delayed = list(names), [], [c for c in connections if c.delayed]
-    ways = [turned(c) if c.delayed else c for c in connections if not (c.delayed and is_own(c))]
+    ways = [
+        turned(c) if c.delayed else c
+        for c in connections
+        if not (c.delayed and c.source.component == c.target.component)
+    ]
     while left:
         edges = [c for c in ways if {c.source.component, c.target.component} <= set(left)]
         direct = [c for c in edges if c.delayed or c.target.variable in descriptions[c.target.component].direct_inputs]
@@ -567,14 +589,37 @@ def execution_order(names: Sequence[str], connections: Sequence[Connection], des
     return Order(tuple(done), tuple(delayed))
 
 
+def order_of_loops(names: Sequence[str], connections: Sequence[Connection]) -> Order:
+    """Order in which every loop follows what drives it; inside of one, who waits for the fewest outputs goes first."""
+    left, done, loops = list(names), list[str](), list[tuple[str, ...]]()
+    while left:
+        edges = [c for c in connections if not c.delayed and {c.source.component, c.target.component} <= set(left)]
+        driven = {c.target.component for c in edges}
+        chosen = next((name for name in left if name not in driven), None)
+        loop = [chosen] if chosen else first_loop(left, edges)
+        inside = list(loop)
+        while inside:
+            waits = {name: {c.source for c in edges if c.target.component == name} for name in inside}
+            first = min(inside, key=lambda name: sum(port.component in inside for port in waits[name]))
+            inside.remove(first)
+            left.remove(first)
+            done.append(first)
+        if not chosen:
+            loops.append(tuple(done[-len(loop) :]))
+    return Order(tuple(done), tuple(c for c in connections if c.delayed), tuple(loops))
+
+
+def first_loop(left: Sequence[str], edges: Sequence[Connection]) -> list[str]:
+    """The first components in each other's loop that nothing else drives."""
+    ahead = {name: reached(name, edges) for name in left}
+    behind = {name: {other for other in left if name in ahead[other]} for name in left}
+    first = next(name for name in left if behind[name] <= ahead[name])
+    return [name for name in left if name in behind[first]]
+
+
 def turned(connection: Connection) -> Connection:
     """The way from target to source."""
     return replace(connection, source=connection.target, target=connection.source)
-
-
-def is_own(connection: Connection) -> bool:
-    """True if the component takes what it gives itself."""
-    return connection.source.component == connection.target.component
 
 
 def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:

@@ -1,5 +1,6 @@
 /* What a Cortex-M runs before main: the vector table, memory, the floating-point unit if there is one.
-   Text that is printed, and the exit code, go to the debugger or to QEMU (semihosting of newlib). */
+   Text that is printed, and the exit code, go to the debugger or to QEMU (semihosting of newlib); a board that is
+   ALONE has neither. */
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -28,7 +29,9 @@ void reset(void)
 #endif
     for (uint32_t *to = data_start; to < data_end; to++) *to = *from++;
     for (uint32_t *to = bss_start; to < bss_end; to++) *to = 0;
+#ifndef ALONE
     initialise_monitor_handles();
+#endif
     exit(main());
 }
 

@@ -1,11 +1,11 @@
 """What `Mhe` does with a mover that something holds or moves between its stops: it feeds the current back.
 
-Open loop, the model comes to a stop where a servo does not.  Where the mean innovation has been too large for some
-time, and a held voltage over its current is R, so that coil and sensor are right, an extended Kalman filter of
-(lambda, z, v) on the learnt model goes on, begun with so little trust in the state that the first currents decide (10).
-It ends at rest on a stop.  Where it explains the currents no better, where a held voltage says that R is another one,
-or where no current is left to tell a position, it was no servo but a fault: the model runs open loop again, at least
-until the next edge of the voltage.
+Open loop, the model comes to a stop where a servo does not.  An extended Kalman filter of (lambda, z, v) on the learnt
+model goes on where the mean innovation has been too large for some time, where a held voltage over its current is R, so
+that coil and sensor are right, and where the little that R may be off does not explain it.  It begins with so little
+trust in the state that the first currents decide (10), and ends at rest on a stop.  Where it explains the currents no
+better, where a held voltage says that R is another one, or where no current is left to tell a position, it was no servo
+but a fault: the model runs open loop again, at least until the next edge of the voltage.
 """
 
 from __future__ import annotations
@@ -51,6 +51,7 @@ class Coil(NamedTuple):
     is_edge: Scalar  # of the voltage
     pulls: Scalar  # whether there is current enough to tell a position
     resistance: Scalar  # by a held voltage, or 0
+    is_right: Scalar  # whether that explains the innovations
 
 
 def feed_back(before: Point, follow: Follow, reading: Reading, m: Model) -> tuple[Array, Array]:
@@ -103,7 +104,7 @@ def _change(before: Follow, is_lasting: Scalar, coil: Coil, now: Point, m: Model
     is_other = (coil.resistance > 0.0) & (off > OTHER_COIL)
     fails = is_on & ((lasts >= long) | is_other | not_(coil.pulls))
     was_futile = is_set(before.is_futile) & not_(coil.is_edge)
-    begins = (lasts >= long) & coil.pulls & (off < SAME_COIL) & not_(is_on | was_futile)
+    begins = (lasts >= long) & coil.pulls & (off < SAME_COIL) & not_(coil.is_right | is_on | was_futile)
     ends = fails | (is_on & (rests >= long))
     first = vector([std * std if j == k else 0.0 for j, std in enumerate(AT_FIRST) for k in range(3)])
     return Follow(

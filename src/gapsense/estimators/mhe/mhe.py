@@ -30,6 +30,8 @@ from gapsense.estimators.mhe.watch import (
     Watch,
     as_seen,
     is_strange,
+    is_too_large,
+    is_unlearnt,
     is_untold,
     is_wild,
     listen,
@@ -60,6 +62,7 @@ from gapsense.estimators.readings import (
     OTHER,
     RESTARTED,
     STILL,
+    UNLEARNT,
     UNTOLD,
     VOLTAGE,
     Health,
@@ -209,7 +212,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         causal=vector(at),
         believed=zeros(len(d)),
         held=Held(held_level=u, held_voltage=u),
-        watch=Watch(noise=par.noise_current),
+        watch=Watch(noise=par.noise_current, is_driven=flag(drives(u, par))),
         follow=Follow(covariance=vector([0.0] * 9)),
         work=first_work(at, inputs.time, par),
         samples=Samples(
@@ -217,7 +220,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         ),
         smoothed=Smoothed(fluxes=zeros(RING), positions=zeros(RING)),
     )
-    fine = health({LOST: not_(has_voltage & _has_current(inputs, par))})
+    has_readings = has_voltage & _has_current(inputs, par)
+    fine = health({LOST: not_(has_readings), UNLEARNT: is_unlearnt(state.watch, state.work.learnt, par)})
     return state, _outputs(
         at, d, 0.0, _shown(at, inputs.time), state.work.learnt, published(priors(par), par), fine, par
     )
@@ -282,10 +286,20 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     watch = watch_operation(watch, seen, now, work.learnt, m, par)
 
     def coil() -> Coil:
-        pulls = fabs(held.held_current) > LARGE * par.noise_current
-        return Coil(is_edge=is_edge, pulls=pulls, resistance=_resistance(held, par))
+        i, creep, R = held.held_current, held.held_drift, _resistance(held, par)
+        left = watch.surprise - i * (1.0 - R / m.d.resistance)  # what another resistance does not explain
+        left = left - clip(left, where(creep < 0.0, creep, 0.0), where(creep > 0.0, creep, 0.0))  # nor where i goes to
+        return Coil(
+            is_edge=is_edge,
+            pulls=fabs(i) > LARGE * par.noise_current,
+            resistance=R,
+            is_right=not_(is_too_large(left, work.learnt, par)),
+        )
 
-    follow = decide(state.follow._replace(covariance=covariance), is_set(watch.is_large), is_edge, coil, now, m)
+    lasts = where(is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
+    follow = decide(
+        state.follow._replace(covariance=covariance, lasts=lasts), is_set(watch.is_large), is_edge, coil, now, m
+    )
     work = when(is_set(state.follow.is_on), lambda work: _drop_long(work, follow, par), work)
     # what is published
     work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
@@ -296,6 +310,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         STILL: is_set(watch.is_still),
         OTHER: _is_other(work, par),
         UNTOLD: is_untold(watch, told),
+        UNLEARNT: is_unlearnt(watch, work.learnt, par),
     }
     state = State(
         last_command=inputs.command,

@@ -18,13 +18,14 @@ from gapsense.estimators import reduced_model
 from gapsense.estimators.gap import Gap, bump, gap, make_gap
 from gapsense.estimators.readings import RANGE_CURRENT, RANGE_VOLTAGE
 from gapsense.estimators.reduced_model import GapLaw
-from gapsense.kernels.elementary import exp
+from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.interface import option, parameter, ports, same
 from gapsense.kernels.layout import Array, Scalar, Table
 from gapsense.kernels.linalg import matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
 
 QUIET_VOLTAGE, QUIET_CURRENT = 6.0, 0.05  # deviations of the noise within which a coil at rest stays as it is
+SMALL = 1e-6  # |m| below which a knee is none
 FULL = 0.97  # |m| from which S goes on linearly
 SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
 # R_c, b and lambda_sat of the law above that is nearest to R_c0 / (1 - |lambda| / lambda_sat) of Froehlich, over R_c0,
@@ -137,6 +138,7 @@ class Model(NamedTuple):
     quiet_current: Scalar
     through: Scalar  # 1 / (1 + R g_e)
     load: Scalar  # R / (1 + R g_e) [ohm]
+    exponent: Scalar = 0.0  # n of another knee, S = m^n, that records are explained by; 0: that of (1)
 
 
 class Point(NamedTuple):
@@ -212,16 +214,26 @@ def gap_at(z: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     return gap(z, m.gap, m.d.gap, m.d.bend)[:2]
 
 
-def core(lam: Scalar, d: Device) -> tuple[Scalar, Scalar, Scalar]:
+def core(lam: Scalar, d: Device, exponent: Scalar = 0.0) -> tuple[Scalar, Scalar, Scalar]:
     """The share m of saturation, S(m) and S'(m)."""
     m = lam / d.saturation
     size = fabs(m)
+    S, slope = cond(exponent > 0.0, lambda: _power(size, exponent), lambda: _knee(size))
+    return m, where(m < 0.0, -S, S), slope
+
+
+def _power(size: Scalar, n: Scalar) -> tuple[Scalar, Scalar]:
+    a = where(size > SMALL, size, SMALL)
+    S = exp(n * log(a))
+    return S, n * S / a
+
+
+def _knee(size: Scalar) -> tuple[Scalar, Scalar]:
     a = where(size < FULL, size, FULL)
     squared = a * a
     left = 1.0 - squared
     slope = squared * (3.0 - squared) / (left * left)
-    S = squared * a / left + slope * (size - a)
-    return m, where(m < 0.0, -S, S), slope
+    return squared * a / left + slope * (size - a), slope
 
 
 # a sampling period
@@ -252,7 +264,7 @@ def pull(z: Scalar, lam: Scalar, slope: Scalar, m: Model) -> Scalar:
 
 def magnetomotive(lam: Scalar, h: Scalar, R: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     """The force f (1) [A] and df/dlambda [1/H]."""
-    share, S, slope = core(lam, m.d)
+    share, S, slope = core(lam, m.d, m.exponent)
     f = (R + m.d.core) * lam + m.d.knee * S + h * (1.0 + share * share)
     return f, R + m.d.core + (m.d.knee * slope + 2.0 * h * share) / m.d.saturation
 
@@ -377,7 +389,7 @@ def differentiate(
 def partials(p: Point, e: Electric, m: Model) -> tuple[Array, Array]:
     """Of R i - g_e dlambda/dt + f and of the acceleration by the corrections in a given state; (12,), the last 0."""
     d, lam = m.d, p.flux_linkage
-    share, S, slope = core(lam, d)
+    share, S, slope = core(lam, d, m.exponent)
     more, steeper, _ = bump(p.position, m.gap)
     half = -0.5 * lam * lam / d.mass
     drive = NOTHING._replace(

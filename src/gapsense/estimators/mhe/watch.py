@@ -38,6 +38,7 @@ class Watch(NamedTuple):
     """What is noticed."""
 
     noise: Scalar  # standard deviation of the current, as it is seen; at least what was told [A]
+    is_driven: Scalar = 0.0  # flag: a voltage has come
     switching: Scalar = 0.0  # share of samples at an edge, among those with a voltage or an edge
     edge: Edge = Edge()
     spread: Scalar = ANYWHERE  # variance of the places of edges, of late
@@ -78,10 +79,14 @@ def is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
 
 
 def listen(before: Watch, samples: Samples, u: Scalar, i: Scalar, par: Parameters) -> Watch:
-    """The noise of the current and the share of edges with a new sample."""
-    is_edge = drives(u - load(samples.voltages, samples.newest), par)
-    step = where(is_edge | drives(u, par), OFTEN * (flag(is_edge) - before.switching), 0.0)
-    return before._replace(noise=_noise(before.noise, samples, u, i, par), switching=before.switching + step)
+    """The noise of the current, whether a voltage has come, and the share of edges, with a new sample."""
+    is_edge, is_driving = drives(u - load(samples.voltages, samples.newest), par), drives(u, par)
+    step = where(is_edge | is_driving, OFTEN * (flag(is_edge) - before.switching), 0.0)
+    return before._replace(
+        noise=_noise(before.noise, samples, u, i, par),
+        is_driven=where(is_driving, 1.0, before.is_driven),
+        switching=before.switching + step,
+    )
 
 
 def _noise(noise: Scalar, before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
@@ -131,19 +136,14 @@ def is_untold(watch: Watch, told: Parameters) -> Scalar:
 
 def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
     """An operation whose innovations are too large is strange; only two others, with motions, take that back."""
-    usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
     between = (now.position > par.stop_lower) & (now.position < par.stop_upper)
-    known = where(is_set(par.option_further), KNOWN_SOFT, KNOWN)
-    is_known, by_place = learnt.explained >= known, now.mmf_slope * m.through
+    is_known, by_place = learnt.explained >= _known(par), now.mmf_slope * m.through
     counts = seen.has_current & not_(seen.is_edge)
     new = when(seen.is_edge, lambda watch: _begin(watch, is_known, learnt), before)
     edge = _place_edge(before.edge, new.spread, seen, counts & not_(between), now, m, par)
     unexpected = seen.innovation - by_place * edge.faded * edge.place
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
-    most = where(is_set(par.option_further), STRANGE_SOFT, STRANGE)
-    young = YOUNG / square(where(is_known, learnt.explained, known))
-    limit = (1.0 + young) * most * usual
-    is_large = is_known & (fabs(surprise) > limit)
+    is_large = is_known & is_too_large(surprise, learnt, par)
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return new._replace(
         edge=edge,
@@ -155,6 +155,18 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
         is_still=where(is_other, flag(is_set(before.was_commanded) & not_(is_set(before.has_moved))), before.is_still),
     )
+
+
+def is_too_large(mean: Scalar, learnt: Learnt, par: Parameters) -> Scalar:
+    """Whether the mean of some innovations is more than a healthy device has."""
+    usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
+    most, known = where(is_set(par.option_further), STRANGE_SOFT, STRANGE), _known(par)
+    young = YOUNG / square(where(learnt.explained >= known, learnt.explained, known))
+    return fabs(mean) > (1.0 + young) * most * usual
+
+
+def _known(par: Parameters) -> Scalar:
+    return where(is_set(par.option_further), KNOWN_SOFT, KNOWN)
 
 
 def _begin(before: Watch, is_known: Scalar, learnt: Learnt) -> Watch:
@@ -187,3 +199,11 @@ def _place_edge(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Po
 def is_strange(watch: Watch) -> Scalar:
     """Whether this operation is, or one was, and not two with a motion since then were not."""
     return is_set(watch.is_strange) | (watch.suspicion > 0.0)
+
+
+def is_unlearnt(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
+    """A voltage has come, and too few motions were explained since for innovations to tell a wrong position.
+
+    With `option.further` windows are searched thoroughly from the first one on.
+    """
+    return is_set(watch.is_driven) & (learnt.explained < KNOWN) & not_(is_set(par.option_further))

@@ -410,11 +410,6 @@ def _with_evidence(state: State, evidence: Array, time: Scalar) -> State:
     return state._replace(evidence=evidence, since=vector(since))
 
 
-def _cause(evidence: Array) -> Scalar:
-    """Number of the cause for which more than half speaks; 0: none."""
-    return total(where(x > TOLD, float(k), 0.0) for k, x in enumerate(evidence, 1))
-
-
 # profiles
 
 
@@ -464,7 +459,7 @@ def _outputs(state: State) -> Outputs:
     lag = 1.0 / SLOW - 1.0 / QUICK  # operations
     return Outputs(
         verdict=course.verdict,
-        cause=_cause(state.evidence),
+        cause=total(where(x > TOLD, float(k), 0.0) for k, x in enumerate(state.evidence, 1)),
         onset=course.onset,
         faults=course.faults,
         passed=course.passed,

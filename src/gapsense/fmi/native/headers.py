@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from gapsense.fmi.life import ALLOWED, PHASES, phases_of
+from collections.abc import Iterable
+
+from gapsense.fmi.life import ALLOWED, KINDS, PHASES, phases_of
 from gapsense.fmi.sentences import SENTENCES
 
 ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n"}
@@ -17,6 +19,12 @@ def _octal(letter: str) -> str:
     return "".join(f"\\{byte:03o}" for byte in letter.encode())
 
 
+def array(kind: str, name: str, items: Iterable[str]) -> str:
+    """A constant array; nothing for an empty one, which C does not have."""
+    lines = "".join(f"    {item},\n" for item in items)
+    return lines and f"static const {kind} {name}[] = {{\n{lines}}};\n"
+
+
 def sentences() -> str:
     """`sentences.h`: a format for each sentence, `SAY_JUMP` and so on."""
     lines = "".join(f"#define SAY_{key.upper()} {literal(text)}\n" for key, text in SENTENCES.items())
@@ -25,9 +33,11 @@ def sentences() -> str:
 
 def life() -> str:
     """`life.h`: the phases of an instance, and of each call those in which it is allowed."""
-    calls = {call.removeprefix("fmi2").removesuffix("Real"): call for call in ALLOWED if _is_named(call)}
+    # of calls for variables, one stands for all kinds
+    calls = {call.removeprefix("fmi2").removesuffix("Real"): call for call in ALLOWED if not call.endswith(KINDS[1:])}
     rules = " \\\n".join(
-        f"    RULE_OF({name}, {_bits(ALLOWED[call])}u, {literal(phases_of(call))})" for name, call in calls.items()
+        f"    RULE_OF({name}, {sum(1 << PHASES.index(phase) for phase in ALLOWED[call])}u, {literal(phases_of(call))})"
+        for name, call in calls.items()
     )
     return f"""/* Phases of an instance, and which calls are allowed in them. Generated from life.py. */
 #ifndef GAPSENSE_LIFE_H
@@ -48,12 +58,3 @@ typedef enum {{ {", ".join(f"CALL_{name}" for name in calls)} }} Call;
 
 #endif
 """
-
-
-def _is_named(call: str) -> bool:
-    """Of calls for variables, one stands for all kinds."""
-    return not call.endswith(("Integer", "Boolean", "String"))
-
-
-def _bits(phases: tuple[str, ...]) -> int:
-    return sum(1 << PHASES.index(phase) for phase in phases)

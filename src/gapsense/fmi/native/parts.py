@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from uuid import UUID
 
 from gapsense.fmi import package
-from gapsense.fmi.fmi3.constants import arrays_c, shapes
-from gapsense.fmi.fmi3.variables import Variable, variables
+from gapsense.fmi.fmi3.variables import Variable, arrays_c, shapes, variables
 from gapsense.fmi.native import SOURCES, headers
+from gapsense.fmi.native.headers import array as _array
 from gapsense.fmi.native.headers import literal
 from gapsense.fmi.native.platforms import FLAGS, PLATFORMS, SMALL
 from gapsense.fmi.ports import Component, Port
@@ -91,19 +91,14 @@ def gather(folder: Path, values: Mapping[str, Any], *, with_arrays: bool = True)
         resources=resources,
         folder=folder,
     )
-    return with_identity(parts, kernel, identity)
+    model = source(component, kernel, parts.guid, identity)  # which knows the identity of all others
+    return parts._replace(files={**files, "model.c": model})
 
 
 def shipped(component: Component, paths: Mapping[str, Path]) -> dict[str, list[list[float]]]:
     """Columns of the tables that travel with the component, by parameter."""
     named = {port.name: (paths[port.start], tuple(heads(port.columns))) for port in component.ports if port.columns}
     return {name: read_table(path, columns) for name, (path, columns) in named.items()}
-
-
-def with_identity(parts: Parts, kernel: Kernel, identity: str) -> Parts:
-    """The same, with the source that knows the identity of all others."""
-    text = source(parts.component, kernel, parts.guid, identity)
-    return parts._replace(files={**parts.files, "model.c": text})
 
 
 def common() -> dict[str, str]:
@@ -188,12 +183,6 @@ def _wholes(kernel: Kernel) -> Iterator[str]:
         name = entries[entry]
         place = (memory.index(name), first, every) if name in memory else (-1, numbers.index(name), 0)
         yield f"{{{', '.join(map(str, place))}, {_number(least)}, {_number(most)}}}"
-
-
-def _array(kind: str, name: str, items: Iterable[str]) -> str:
-    """A constant array; nothing for an empty one, which C does not have."""
-    lines = "".join(f"    {item},\n" for item in items)
-    return lines and f"static const {kind} {name}[] = {{\n{lines}}};\n"
 
 
 def _number(value: Any) -> str:

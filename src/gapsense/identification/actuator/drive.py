@@ -81,6 +81,11 @@ class Excitation(NamedTuple):
             current=self.current[:n], halves=self.halves[:n], edges=self.edges[self.edges < n], weights=self.weights[:n]
         )
 
+    def counted(self, share: float) -> Excitation:
+        """Only the first part counts; so the model of each part is the same code."""
+        part = self.shortened(share)
+        return self._replace(edges=part.edges, weights=np.pad(part.weights, (0, self.weights.size - part.weights.size)))
+
 
 def means(halves: Matrix, at: Vector, parts: int) -> Matrix:
     """Mean voltages (periods, parts), each period with one voltage up to `at` and another one from there on."""

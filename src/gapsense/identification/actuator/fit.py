@@ -4,22 +4,40 @@ Sought are the logarithms of factors of what is believed, each with a deviation 
 places of the edges: sum w^2 (i - i_model)^2 + sum (log factor / deviation)^2 + sum (place / deviation)^2.  Coil and
 core come first, from the first quarter of each record; then all parameters, from its first half and from the whole of
 it: far from the minimum a long record is wrong by whole motions, and says little.
+
+What that leaves of the current asks for more: the length along which the flux of the gap fringes, another knee b m^n of
+the core, and elastic stops.  A longer fringe is a leak G beside the gap, R/(1 + G R): with R = R' z/(1 + k z ln(c/z))
+only c changes, to c exp(G R'/k).  A mover that bounces has many minima; so the records are taken piece by piece.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
 
 from gapsense._os.workers import Progress
+from gapsense.estimators.gap import gap_law, make_gap
 from gapsense.estimators.mhe.model import Parameters, device
-from gapsense.estimators.reduced_model import GapLaw
+from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
 from gapsense.identification.actuator import kernel as simulated
 from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, LEFT, Excitation, read_excitation
-from gapsense.identification.least_squares import STEP, Matrix, Vector, currents, finite, minimise, promise
+from gapsense.identification.actuator.kernel import USUAL, Beyond
+from gapsense.identification.least_squares import (
+    STEP,
+    Matrix,
+    Vector,
+    currents,
+    differences,
+    finite,
+    minimise,
+    promise,
+    rms,
+)
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.residual import EXPLAINED, Residual, rounding
 from gapsense.identification.residual import residual as of_all
@@ -42,6 +60,16 @@ DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10
     "spring_rest": 0.06,
     "damping": 0.075,
 }
+MORE = {  # the same, where the records ask for more
+    **DEVIATIONS,
+    "core_bend": 1.5,
+    "core_exponent": 0.3,
+    "gap_fringing": 1.0,
+    "gap_window": 1.0,
+    "stop_stiffness": 0.9,
+    "stop_damping": 1.0,
+}
+STOPS = ("stop_stiffness", "stop_damping")
 PLACE_STEP = 1e-3  # of a difference quotient
 BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
 KERNEL = Kernel(simulated)
@@ -55,6 +83,7 @@ class Problem(NamedTuple):
     drives: Sequence[Excitation]
     is_alike: bool = False  # all edges of a record lie alike in their periods
     doubts: Mapping[str, float] = {}  # deviations of what was assumed, in place of the usual ones
+    beyond: Beyond = USUAL
 
     @property
     def deviations(self) -> Vector:
@@ -67,7 +96,8 @@ class Problem(NamedTuple):
     @property
     def believed(self) -> dict[str, float]:
         """How wrong what is believed may be, by field."""
-        return {name: self.doubts[name] if name in self.doubts else DEVIATIONS[name] for name in self.names}
+        usual = DEVIATIONS if self.beyond == USUAL else MORE
+        return {name: {**usual, **self.doubts}[name] for name in self.names}
 
     def places(self, x: Vector) -> list[Vector]:
         """Those of the edges of each record."""
@@ -92,7 +122,7 @@ class Problem(NamedTuple):
     def limits(self) -> tuple[Vector, Vector]:
         """Lowest and highest point."""
         places = self.deviations.size - len(self.names)
-        high = np.append([furthest(name) for name in self.names], np.ones(places))
+        high = np.append([furthest(deviation) for deviation in self.believed.values()], np.ones(places))
         return -high, high
 
     def residuals(self, points: Sequence[Vector]) -> Matrix:
@@ -116,7 +146,7 @@ class Problem(NamedTuple):
         return finite(J)
 
 
-def slopes(pars: Sequence[Parameters], drive: Excitation, places: Vector) -> tuple[Matrix, Matrix]:
+def slopes(pars: Sequence[simulated.Parameters], drive: Excitation, places: Vector) -> tuple[Matrix, Matrix]:
     """Derivatives of the residuals of a record: by logarithms, then by its offset, all places together, and each."""
     by = np.where(places > 0.0, -PLACE_STEP, PLACE_STEP)  # inwards
     volts = np.repeat(drive.voltage(places)[:, None], len(pars), axis=1)
@@ -127,29 +157,35 @@ def slopes(pars: Sequence[Parameters], drive: Excitation, places: Vector) -> tup
     return off[:, : len(pars) - 1] / STEP, np.hstack([-drive.weights[:, None], each.sum(axis=1, keepdims=True), each])
 
 
-def parameters_at(p: Problem, x: Vector) -> Parameters:
+def parameters_at(p: Problem, x: Vector) -> simulated.Parameters:
     """What is known, multiplied by factors."""
-    factors = zip(p.names, np.exp(x[: len(p.names)]).tolist())
-    return p.known._replace(**{name: getattr(p.known, name) * factor for name, factor in factors})
+    factors = dict(zip(p.names, np.exp(x[: len(p.names)]).tolist()))
+
+    def scaled(part: Any) -> Any:
+        return part._replace(**{n: getattr(part, n) * factors[n] for n in part._fields if n in factors})
+
+    return simulated.Parameters(scaled(p.known), scaled(p.beyond))
 
 
-def sampled_currents(pars: Sequence[Parameters], drive: Excitation, volts: Matrix) -> Matrix:
+def sampled_currents(pars: Sequence[simulated.Parameters], drive: Excitation, volts: Matrix) -> Matrix:
     """Currents of several models at the samples, (models, samples); `volts` are those of each, (steps, models)."""
     every = np.vstack([np.zeros((1, len(pars))), volts])
-    pars = [par._replace(sample_time=drive.step) for par in pars]
+    pars = [par._replace(known=par.known._replace(sample_time=drive.step)) for par in pars]
     return currents(KERNEL, pars, every[:, None, :])[:, :: drive.parts]
 
 
-def simulate(par: Parameters, drive: Excitation, places: Vector, offset: float = 0.0) -> Trajectory:
+def simulate(
+    par: Parameters, drive: Excitation, places: Vector, offset: float = 0.0, beyond: Beyond = USUAL
+) -> Trajectory:
     """The model at each sample of a record, with the offset that its current has."""
-    rows = run(par._replace(sample_time=drive.step), [0.0, *drive.voltage(places).tolist()])[:: drive.parts]
+    rows = run(par._replace(sample_time=drive.step), [0.0, *drive.voltage(places).tolist()], beyond)[:: drive.parts]
     current, flux_linkage, position = rows.T
     return Trajectory(current + offset, flux_linkage, position)
 
 
-def run(par: Parameters, volts: list[float]) -> Matrix:
+def run(par: Parameters, volts: list[float], beyond: Beyond = USUAL) -> Matrix:
     """Current, flux linkage and position after each step with its mean voltage; the first row is the start, at rest."""
-    return np.array(KERNEL.run([(u,) for u in volts], par)[1])
+    return np.array(KERNEL.run([(u,) for u in volts], simulated.Parameters(par, beyond))[1])
 
 
 LONGEST, ENOUGH = 25, 1e-5  # steps, and relative fall of the cost with which they end
@@ -158,9 +194,9 @@ NEAR = 0.999  # part of it that is at the limit
 PROMISES = 0.1  # part of the cost, by which a minimum is none
 
 
-def furthest(name: str) -> float:
-    """How far the logarithm of a field may go: losses are guesses, up to solid cores."""
-    return GUESSED if DEVIATIONS.get(name, 0.0) >= 1.0 else FURTHEST
+def furthest(deviation: float) -> float:
+    """How far a logarithm may go: losses are guesses, up to solid cores."""
+    return GUESSED if deviation >= 1.0 else FURTHEST
 
 
 CAUSES = {
@@ -187,16 +223,24 @@ def residual(drive: Excitation, model: Trajectory, model_error: float) -> Residu
     )
 
 
-ELECTRIC = {name for name in DEVIATIONS if name.startswith(("coil", "core")) and name != "core_turnover"}
+ELECTRIC = {name for name in MORE if name.startswith(("coil", "core")) and name != "core_turnover"}
 BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones
 CHANCE = 2.0  # squares that a number explains without meaning (AIC)
+LAW_ERROR, LAW_SHAPES = 5e-3, 3  # of a gap law by formula, relative; cosines along the stroke
+LAW_ROWS, LAW_ENDS = 201, 0.2  # of a table of it, and how far it goes beyond the stops, in strokes
+QUANTILES = 200  # of flux linkages
+STIFF, SOFT = 0.15, 0.5  # first guesses of stops: angular frequency of the mover there by the step, damping [s/m]
+SHARP, BENT = 10.0, 0.9  # first guess of the exponent, and share of saturation at which the knee stays
 SHARES = (0.25, 0.5, 1.0)  # of each record that is used, one after the other
+PIECES, ROUGH = np.linspace(0.01, 1.0, 100).tolist(), 1e-3  # the same, of many minima, and the fall with which they end
+AS_BEFORE, LOST = 1.05, 25.0  # squares that a sample of a piece leaves, over those of the last one; and at most
 
 
 class Commissioned(NamedTuple):
     """What was found, and how well."""
 
     parameters: Parameters  # complete set
+    beyond: Beyond  # what `Mhe` has not
     names: list[str]  # fields that were fitted
     covariance: Matrix  # of their logarithms
     misfit: float  # cost over what noise and error of the model make
@@ -238,22 +282,55 @@ def commission(
 ) -> Commissioned:
     """Parameters that explain records, near those that are known.
 
-    `doubts` are the deviations of fields that were assumed: they are sought with all else, for what is as uncertain
-    makes all that goes with it uncertain.
+    More is sought where the usual numbers do not explain the records, and is kept if it does.  `doubts` are the
+    deviations of fields that were assumed: they are sought with all else, for what is as uncertain makes all that goes
+    with it uncertain.
     """
     drives = [read_excitation(record, known) for record in records]
     par, doubts = with_bend(known), doubts or {}
     names = [name for name in dict.fromkeys((*DEVIATIONS, *doubts)) if is_fitted(par, name)]
     every = Problem(par, names, drives, doubts=doubts)
-    x, steps = np.zeros(every.deviations.size), 0
-    for k, share in enumerate(SHARES):
-        progress(k, len(SHARES) + 1)
-        free = [j for j, name in enumerate(names) if k or name in ELECTRIC]
-        part = every._replace(names=[names[j] for j in free], drives=[d.shortened(share) for d in drives])
-        at = np.array([*free, *places_sought(drives, part.drives, len(names))])
-        found = minimise(part, x[at], LONGEST, ENOUGH)
-        x[at], steps = found.point, steps + found.steps
-    progress(len(SHARES), len(SHARES) + 1)
+    found = search(every, progress)
+    for more in ((), STOPS):
+        if not found.is_explained and not any(d.is_too_fast for d in drives):
+            richer = search(with_more(every, more), progress, in_pieces=True)
+            found = richer if richer.is_explained else found
+    return found
+
+
+def with_more(p: Problem, more: Sequence[str]) -> Problem:
+    """With a leak, if the gap law has one, another knee, of which the saturation is no part, and perhaps stops."""
+    par, names = p.known, [name for name in p.names if name not in ("core_saturation", "gap_window")]
+    stiffness = float(par.mover_mass) * (STIFF / max(d.step for d in p.drives)) ** 2
+    leak = ["gap_window"] if is_fitted(par, "gap_window") else []
+    knee = BENT ** (3.0 - SHARP) / (1.0 - BENT**2)
+    return p._replace(
+        known=par._replace(core_bend=par.core_bend * knee),
+        names=[*names, *leak, "core_exponent", *more],
+        beyond=Beyond(SHARP, stiffness, SOFT) if more else Beyond(SHARP),
+    )
+
+
+def search(every: Problem, progress: Progress, in_pieces: bool = False) -> Commissioned:
+    """What explains the records, from what is believed on, by ever larger shares of them.
+
+    In pieces it ends where one is not explained, and takes no step where one is by what was found before.
+    """
+    x, steps, last, shares = np.zeros(every.deviations.size), 0, 0.0, PIECES if in_pieces else SHARES
+    for k, share in enumerate(shares):
+        progress(k, len(shares) + 1)
+        free = [j for j, name in enumerate(every.names) if k or name in ELECTRIC]
+        parts = [d.counted(share) if in_pieces else d.shortened(share) for d in every.drives]
+        part = every._replace(names=[every.names[j] for j in free], drives=parts)
+        at = np.array([*free, *places_sought(every.drives, parts, len(every.names))])
+        count = sum(np.count_nonzero(d.weights) for d in parts)
+        if in_pieces and share < 1.0 and (part.residuals([x[at]]) ** 2).sum() < AS_BEFORE * last * count:
+            continue
+        found = minimise(part, x[at], LONGEST, ROUGH if in_pieces and share < 1.0 else ENOUGH)
+        x[at], steps, last = found.point, steps + found.steps, float(found.residuals @ found.residuals) / count
+        if in_pieces and last > LOST:
+            break
+    progress(len(shares), len(shares) + 1)
     return conclude(*in_step(every, x), steps)
 
 
@@ -293,10 +370,14 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     misfit = float(r @ r - r[-x.size :][:n] @ r[-x.size :][:n]) / usual(p)
     covariance: Matrix = max(1.0, misfit) * np.linalg.inv(J.T @ J).astype(np.float64)[:n, :n]
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
-    models = [simulate(found, *of_record) for of_record in zip(p.drives, places, p.offsets(x))]
+    models = [simulate(found.known, *of_record, found.beyond) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
+    if "gap_window" in p.names and p.beyond != USUAL and all(r.is_explained for r in residuals):
+        moved = np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(p, x).T)[:n]
+        covariance += moved @ moved.T
     return Commissioned(
-        parameters=found,
+        parameters=found.known,
+        beyond=found.beyond,
         names=p.names,
         covariance=covariance,
         misfit=misfit,
@@ -307,16 +388,80 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
         believed=p.believed,
         steps=steps,
         promise=promise(p, x, J, r),
-        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * furthest(name)],
+        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * furthest(p.believed[name])],
     )
+
+
+def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
+    """What was found with the knee that estimators have in place of b m^n; and the current that this leaves, RMS [A].
+
+    Least squares of the static current over the flux linkages of the records.
+    """
+    par, area, n = result.parameters, result.parameters.coil_turns**2, result.beyond.core_exponent
+    if not n:
+        return result, 0.0
+    all_lam = np.abs(np.concatenate([model.flux_linkage for model in result.models]))
+    lam = np.quantile(all_lam, np.linspace(0.0, 1.0, QUANTILES))
+    fields = ("core_reluctance", "core_bend", "core_exponent")
+    known = np.array([par.core_reluctance, par.core_bend, n])
+
+    def left(x: Vector, logs: Vector) -> Vector:
+        (core, bend, power), (own, steep, room) = known * np.exp(logs), np.exp(x)
+        m = lam / (lam.max() * (1.0 + room))
+        usual = own * lam + steep * m**2 / (1.0 - m**2) * lam
+        sharp = core * lam + bend * (lam / par.core_saturation) ** (power - 1.0) * lam
+        return np.asarray((usual - sharp) / area)
+
+    def values(points: Sequence[Vector]) -> Matrix:
+        start = np.log([par.core_reluctance, 0.1 * par.core_reluctance, 0.05])
+        found = np.array([least_squares(left, start, args=(logs,), x_scale="jac").x for logs in points])
+        found[:, 2] = np.log(lam.max() * (1.0 + np.exp(found[:, 2])))
+        return found
+
+    (at,) = values([np.zeros(3)])
+    places = [result.names.index(name) for name in fields]
+    T = np.eye(len(result.names))
+    T[np.ix_(places, places)] = differences(values, np.zeros(3))
+    names = [{"core_exponent": "core_saturation"}.get(name, name) for name in result.names]
+    core, bend, saturation = np.exp(at).tolist()
+    found = result._replace(
+        parameters=par._replace(core_reluctance=core, core_bend=bend, core_saturation=saturation),
+        beyond=result.beyond._replace(core_exponent=0.0),
+        names=names,
+        covariance=T @ result.covariance @ T.T,
+    )
+    room = np.log(saturation / lam.max() - 1.0)
+    return found, rms(left(np.array([at[0], at[1], room]), np.zeros(3)))
+
+
+def law_errors(p: Problem, x: Vector) -> Matrix:
+    """What a gap law that is not quite that of the formula does to the residuals of all records (shapes, residuals)."""
+    par = parameters_at(p, x)
+    low, high = float(par.known.stop_lower), float(par.known.stop_upper)
+    gaps = np.linspace(low - LAW_ENDS * (high - low), high + LAW_ENDS * (high - low), LAW_ROWS)
+    gaps, law = gaps[gaps > SMALLEST_GAP], make_gap(par.known)
+    R = par.known.coil_turns**2 * np.array([gap_law(h, law)[0] for h in gaps.tolist()])
+
+    def residuals_with(changed: Vector) -> Vector:
+        columns = (gaps, changed, CubicSpline(gaps, changed)(gaps, 2))
+        table = dict(zip(("gap_file_gap", "gap_file_reluctance", "gap_file_spline"), (c.tolist() for c in columns)))
+        known = par.known._replace(gap_law=float(GapLaw.table), **table)
+        places = zip(p.drives, p.places(x))
+        runs = [d.weights * simulate(known, d, at, beyond=par.beyond).current for d, at in places]
+        return np.concatenate(runs)
+
+    shapes = [np.cos(k * np.pi * (gaps - low) / (high - low)) for k in range(1, LAW_SHAPES + 1)]
+    at = residuals_with(R)
+    return LAW_ERROR * np.array([(residuals_with(R * (1.0 + STEP * shape)) - at) / STEP for shape in shapes])
 
 
 def position_error(result: Commissioned) -> float:
     """What the standard errors of all parameters do to the position of the model, RMS in the worst record [m]."""
-    p, found = Problem(result.parameters, result.names, result.drives), []
+    p, found = Problem(result.parameters, result.names, result.drives, beyond=result.beyond), []
     pars = [parameters_at(p, step) for step in STEP * np.eye(len(p.names))]
     for one, places, model in zip(result.drives, result.places, result.models):
-        slopes = [(simulate(par, one, places).position - model.position) / STEP for par in pars]
+        moved = [simulate(par.known, one, places, beyond=par.beyond) for par in pars]
+        slopes = [(there.position - model.position) / STEP for there in moved]
         found.append(np.mean(np.einsum("jt,jk,kt->t", slopes, result.covariance, slopes)))
     return float(np.sqrt(max(found)))
 
@@ -347,17 +492,18 @@ def with_bend(par: Parameters) -> Parameters:
 
 def is_fitted(par: Parameters, name: str) -> bool:
     """What is zero stays zero, and a gap law in a file has a factor only."""
-    return bool(getattr(par, name) > 0.0 and (name != "gap_fringing" or par.gap_law == GapLaw.fringing))
+    has_fringe = par.gap_law == GapLaw.fringing and par.gap_fringing > 0.0
+    return bool(getattr(par, name) > 0.0 and (has_fringe or name not in ("gap_fringing", "gap_window")))
 
 
-def validate_actuator(par: Parameters, records: Sequence[Record]) -> list[Validation]:
+def validate_actuator(par: Parameters, records: Sequence[Record], beyond: Beyond = USUAL) -> list[Validation]:
     """The model beside each of some records; only offsets and the places of edges are sought."""
-    return [validate(par, record) for record in records]
+    return [validate(par, record, beyond) for record in records]
 
 
-def validate(par: Parameters, record: Record) -> Validation:
+def validate(par: Parameters, record: Record, beyond: Beyond) -> Validation:
     """Beside one of them."""
     driven = read_excitation(record, par)
-    p = Problem(par, [], [driven])
+    p = Problem(par, [], [driven], beyond=beyond)
     x = minimise(p, np.zeros(p.deviations.size), LONGEST, ENOUGH).point
-    return compare(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0]), driven.first)
+    return compare(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0], beyond), driven.first)

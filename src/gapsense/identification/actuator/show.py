@@ -17,7 +17,16 @@ from gapsense.estimators.mhe.model import Parameters
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.fmi.components import load_component, own
 from gapsense.identification.actuator.drive import SLOWEST
-from gapsense.identification.actuator.fit import CAUSES, DEVIATIONS, Commissioned, position_error, with_bend
+from gapsense.identification.actuator.fit import (
+    CAUSES,
+    DEVIATIONS,
+    STOPS,
+    Commissioned,
+    position_error,
+    with_bend,
+    with_usual_knee,
+)
+from gapsense.identification.actuator.kernel import USUAL, Beyond
 from gapsense.identification.assumptions import list_values, meanings, scale
 from gapsense.identification.least_squares import Matrix
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
@@ -25,6 +34,7 @@ from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
 from gapsense.identification.scale import scaled
 from gapsense.identification.show import Validation, about, measured_and_model, untold, validation
+from gapsense.identification.valve.model import Trajectory
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
@@ -38,7 +48,9 @@ LEARNT = {  # deviations before the first window of `Mhe`, by the fields that th
     "prior.mass": "mover_mass",
     "prior.rest": "spring_rest",
 }
+STOPPED = {port.field: port for port in load_component(own("table_actuator")).of("parameter") if port.field in STOPS}
 NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend")
+MOVES = 0.01  # of the stroke
 LEAST = 3e-3  # of these: the device is another one tomorrow
 
 
@@ -48,14 +60,20 @@ def found_values(result: Commissioned) -> dict[str, float]:
     if par.gap_law == GapLaw.fringing:
         law, factor = ["gap_reluctance", "gap_slope"], par.gap_factor
         par = par._replace(**{name: getattr(par, name) * factor for name in law}, gap_factor=1.0)
-    fields = [*law, "gap_factor", *result.names]
-    return {**{PORTS[field].name: float(getattr(par, field)) for field in fields}, **noise(result), **priors(result)}
+    fields = [*law, "gap_factor", *(name for name in result.names if name in PORTS)]
+    stops = {STOPPED[name].name: float(getattr(result.beyond, name)) for name in result.names if name in STOPPED}
+    return {
+        **{PORTS[field].name: float(getattr(par, field)) for field in fields},
+        **stops,
+        **noise(result),
+        **priors(result),
+    }
 
 
 def standard_errors(result: Commissioned) -> dict[str, float]:
     """By parameter, in its unit."""
-    found = found_values(result)
-    return {name: error * found[name] for field, error in result.errors.items() if (name := PORTS[field].name)}
+    found, ports = found_values(result := with_usual_knee(result)[0]), PORTS | STOPPED
+    return {name: error * found[name] for field, error in result.errors.items() if (name := ports[field].name)}
 
 
 def noise(result: Commissioned) -> dict[str, float]:
@@ -77,9 +95,20 @@ def priors(result: Commissioned) -> dict[str, float]:
 
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
     """What was given, with what was found; without a sampling period of the estimators that of the records."""
-    dt = result.drives[0].record.dt
-    tuning = scaled([d.record for d in result.drives], result.models, result.residuals, result.parameters)
-    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **found_values(result)}
+    dt, (result, left) = result.drives[0].record.dt, with_usual_knee(result)
+    models = [at_rest(m, result.parameters) if result.beyond.stop_stiffness else m for m in result.models]
+    tuning = scaled([d.record for d in result.drives], models, result.residuals, result.parameters)
+    error = max(left, tuning.get("model.error", float(result.parameters.model_error)))
+    tuning |= {"model.error": left} if error == left else {}
+    law = {"stop.law": "elastic"} if result.beyond.stop_stiffness else {}
+    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **law, **found_values(result)}
+
+
+def at_rest(model: Trajectory, par: Parameters) -> Trajectory:
+    """A trajectory without what an elastic stop gives way, and without the last small bounces."""
+    near = MOVES * (par.stop_upper - par.stop_lower)
+    z = np.where(model.position < par.stop_lower + near, par.stop_lower, model.position)
+    return model._replace(position=np.where(z > par.stop_upper - near, par.stop_upper, z))
 
 
 def device(par: Parameters) -> dict[str, Value]:
@@ -96,7 +125,8 @@ def write_actuator(
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`."""
     names = {"gap_factor": "gap_slope"} if result.parameters.gap_law == GapLaw.fringing else {}
-    errors = {PORTS[names.get(field, field)].name: error for field, error in result.errors.items()}
+    ports, usual = PORTS | STOPPED, with_usual_knee(result)[0]
+    errors = {ports[names.get(field, field)].name: error for field, error in usual.errors.items()}
     values = complete(result, given)
     return write_set(
         file,
@@ -132,7 +162,6 @@ def doubts(names: Sequence[str]) -> dict[str, float]:
 
 BELIEVED = 0.7  # of the deviation that was assumed: the record has told little
 FAR = 3.0  # of the same deviations from what was believed
-MOVES = 0.01  # of the stroke
 HEADS = ("parameter", "believed", "found", "standard error", "")
 
 
@@ -142,10 +171,15 @@ def actuator_tables(
     """Values and standard errors, then what the residuals and the misfit say."""
     before, rows = with_bend(known), []
     for field, error in result.errors.items():
-        port, note = PORTS[field], "as it was believed" if error >= BELIEVED * result.believed[field] else ""
-        note = "assumed" if port.name in assumed else note
-        values = (quantity(float(getattr(par, field)), port.unit) for par in (before, result.parameters))
-        rows.append((port.name, *values, f"{100.0 * error:.2g} %", note))
+        note = "as it was believed" if error >= BELIEVED * result.believed[field] else ""
+        if field in Beyond._fields:
+            port = STOPPED.get(field)
+            name, unit = (port.name, port.unit) if port else ("exponent of the knee", "")
+            values = ["", quantity(float(getattr(result.beyond, field)), unit)]
+        else:
+            name, unit = PORTS[field].name, PORTS[field].unit
+            values = [quantity(float(getattr(par, field)), unit) for par in (before, result.parameters)]
+        rows.append((name, *values, f"{100.0 * error:.2g} %", "assumed" if name in assumed else note))
     records = [*(drive.record for drive in result.drives), *(check.record for check in checks)]
     return [
         table("Parameters", HEADS, rows),
@@ -169,6 +203,8 @@ def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
 def remarks(result: Commissioned, before: Parameters) -> list[str]:
     """Sentences: how well the model explains the records, and what these do not tell."""
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
+    if is_other := result.beyond != USUAL:
+        said.append(asked(result))
     said += [
         f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
         " is a guess. Do not rely on values and standard errors. Sample faster, or sample a filtered mean."
@@ -188,7 +224,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         said.append(
             f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
         )
-    for name in result.at_limit:
+    for name in (name for name in result.at_limit if name in PORTS):
         port, values = PORTS[name], [float(getattr(par, name)) for par in (result.parameters, before)]
         at, believed = (quantity(value, port.unit) for value in values)
         said.append(
@@ -198,9 +234,9 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     stroke = before.stop_upper - before.stop_lower
     if all(np.ptp(model.position) < MOVES * stroke for model in result.models):
         said.append("The mover does not leave its stop: mass, spring and damping keep their first guesses.")
-    if held := [PORTS[name].name for name in DEVIATIONS if name not in result.names]:
+    if held := [PORTS[n].name for n in DEVIATIONS if n not in (*result.names, *["core_saturation"] * is_other)]:
         said.append(f"Held, for they are 0 or in a file: {', '.join(held)}.")
-    for name in result.names:
+    for name in (name for name in result.names if name in PORTS and not (name == "core_bend" and is_other)):
         factor = float(getattr(result.parameters, name) / getattr(before, name))
         if abs(math.log(factor)) > FAR * result.believed[name]:
             said.append(
@@ -208,6 +244,18 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
                 " check the given values and the voltage."
             )
     return said
+
+
+def asked(result: Commissioned) -> str:
+    """What the records have asked for beside the usual numbers, and who has it."""
+    beyond, (_, left) = result.beyond, with_usual_knee(result)
+    leak = "a leak beside the gap (`gap.window`), " if "gap_window" in result.names else ""
+    stops = " and elastic stops, on which the mover bounces" if beyond.stop_stiffness else ""
+    return (
+        f"The usual model does not explain this: {leak}a knee b m^{beyond.core_exponent:.3g} of the core{stops} are in"
+        f" these values. Estimators have no such knee: the set has the nearest of theirs, which leaves"
+        f" {quantity(left, 'A')}.{' They do not bounce: `TableActuator` has these stops.' if stops else ''}"
+    )
 
 
 def actuator_figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:

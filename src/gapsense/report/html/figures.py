@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -311,3 +312,41 @@ def numbered(node: Any, ids: dict[str, str]) -> Any:
     if isinstance(node, dict):  # of a model or a reference to one: data of ours has no such keys
         return {k: ids.setdefault(v, f"m{len(ids) + 1}") if k == "id" else numbered(v, ids) for k, v in node.items()}
     return node
+
+
+# What a chapter of the page says first, and how its bounds are written.
+
+
+class Verdict(NamedTuple):
+    """Outcome of a run in a few words, and whether it is good."""
+
+    passed: bool
+    sentences: tuple[str, ...]
+    words: tuple[str, str] = ("passed", "failed")
+
+    @property
+    def word(self) -> str:
+        """The verdict as one word."""
+        return self.words[not self.passed]
+
+
+class Chapter(NamedTuple):
+    """A result on the page: a template, what it asks for, and the figures that are in it."""
+
+    key: str
+    title: str
+    name: str
+    about: str
+    verdict: Verdict
+    template: str
+    content: Mapping[str, Any]
+    figures: tuple[Drawn, ...]
+
+
+def limits(bounds: tuple[float, float] | None, shown: Callable[[float], str]) -> str:
+    """Bounds in words, each as `shown` writes it."""
+    low, high = bounds or (-math.inf, math.inf)
+    if math.isfinite(low) and math.isfinite(high):
+        return f"{shown(low)} to {shown(high)}"
+    ends = (("at least", low), ("at most", high))
+    return " ".join(f"{word} {shown(end)}" for word, end in ends if math.isfinite(end))

@@ -17,8 +17,7 @@ from gapsense.many.provenance import EVENTS
 from gapsense.problems import number_of
 from gapsense.report.distributions import Bars, Distributions, Points, named
 from gapsense.report.html import style
-from gapsense.report.html.chapter import Chapter, Verdict, limits
-from gapsense.report.html.figures import Drawn, Entry, blank, fitting
+from gapsense.report.html.figures import Chapter, Drawn, Entry, Verdict, blank, fitting, limits
 from gapsense.report.html.many import Many
 from gapsense.tables import parsed_value
 

@@ -21,7 +21,7 @@ from gapsense.report.html.subject import Shown, read_all
 from gapsense.report.table import quantity
 
 if TYPE_CHECKING:
-    from gapsense.report.html.chapter import Chapter
+    from gapsense.report.html.figures import Chapter
 
 DRAWN = "Reports are drawn"
 MISSING = "{} by bokeh, which is not installed. Install it with `pip install 'gapsense[report]'`."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +13,11 @@ from gapsense.cosim import Measured, Result
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.records import Metric
 from gapsense.report.html import curves, figures, style
-from gapsense.report.html.chapter import Chapter, Verdict, limits
 from gapsense.report.html.curves import SIGMAS, Curve, Panel, Strip, most
-from gapsense.report.html.figures import Axes, Drawn
+from gapsense.report.html.figures import Axes, Chapter, Drawn, Verdict, limits
 from gapsense.report.html.subject import Regression, Shown, regression
 from gapsense.report.html.wiring import picture
-from gapsense.report.runs import per_step
+from gapsense.report.runs import BOARD, board_rows, per_step
 from gapsense.report.table import quantity
 from gapsense.units import QUANTITIES
 
@@ -73,6 +73,7 @@ def chapter_of_run(shown: Shown, key: str) -> Chapter:
         "share": share,
         "status": status,
         "per_step": per_step,
+        "boards": (BOARD, board_rows(result)),
     }
     return Chapter(
         key=key,
@@ -283,7 +284,8 @@ def pairs(shown: Shown) -> list[Metric]:
 
     Of quantities that no metric compares, equal names are.
     """
-    stated = [of_metric(m) for m in (shown.scenario.metrics if shown.scenario else ()) if compares(m, shown)]
+    given = shown.scenario.metrics if shown.scenario else ()
+    stated = [replace(m, kind="rmse", after=None, before=None, event=None) for m in given if compares(m, shown)]
     found = {(m.signal, m.time): m for m in reversed(stated)}
     known = {own_key(shown.result, signal) for signal, _ in found}
     named = (m for m in by_name(shown.result) if own_key(shown.result, m.signal) not in known)
@@ -295,13 +297,6 @@ def compares(metric: Metric, shown: Shown) -> bool:
     known = {*shown.result.signals, *shown.result.parameters}
     is_difference = KINDS[metric.kind].reference in COMPARING
     return is_difference and isinstance(metric.reference, str) and metric.reference in known
-
-
-def of_metric(metric: Metric) -> Metric:
-    """The comparison of a metric, without its window."""
-    return Metric(
-        metric.name, "rmse", metric.signal, metric.reference, where=metric.where, time=metric.time, label=metric.label
-    )
 
 
 def by_name(result: Result) -> Iterator[Metric]:

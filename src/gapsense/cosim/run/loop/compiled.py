@@ -8,13 +8,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from gapsense._os.native import structures
 from gapsense._os.processes import MARKS
-from gapsense._os.structures import structures
 from gapsense.cosim.fmu.instance import STEP
+from gapsense.cosim.run.iterate import iterating
 from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import STOP
-from gapsense.cosim.scenario.records import Watch
+from gapsense.cosim.scenario.records import ITERATIVE, Watch
 
 __all__ = ["Advance", "Work", "advancer", "language"]
 
@@ -26,6 +27,8 @@ def language() -> str:
 
 def advancer(work: Work) -> Advance:
     """Function that does base steps up to a given one, and says how far it came."""
+    if work.experiment.method == ITERATIVE:
+        return in_python(work, iterating(work))
     run = entry()
     return in_c(work, run) if run else in_python(work)
 

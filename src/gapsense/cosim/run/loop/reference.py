@@ -12,9 +12,9 @@ from gapsense.cosim.scenario.records import reporter
 Do = Callable[[int], None]
 
 
-def in_python(work: Work) -> Advance:
-    """Function that does base steps."""
-    play, step, record = work.player.into(work.buffer), stepper(work), recorder(work)
+def in_python(work: Work, step: Do | None = None) -> Advance:
+    """Function that does base steps; `step` lets the components step, if not each for itself."""
+    play, step, record = work.player.into(work.buffer), step or stepper(work), recorder(work)
     exchange = exchanger(work) if work.experiment.method == "jacobi" else None
     marks, done, has_news = work.marks, work.begin - 1, reporter(work.watches, work.buffer)
 

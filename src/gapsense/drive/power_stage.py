@@ -1,0 +1,291 @@
+"""Power stage between supply and coil: low-side switch, half and full bridge, peak and hold; see `power_circuit`.
+
+The stage learns the coil's current at communication points only.  In a step it takes the coil for an inductance with a
+voltage of its own, which both come from what the coil did so far.  Each step is computed twice: ahead, for the outputs,
+and again once its current is known, with a coil that ends there.  What the first was wrong by, the next step makes up.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from gapsense.drive import power_circuit
+from gapsense.drive.power_circuit import (
+    Chop,
+    Circuit,
+    Coil,
+    Command,
+    Gates,
+    Law,
+    Net,
+    Path,
+    Restart,
+    Stores,
+    Sums,
+    Topology,
+    advanced,
+)
+from gapsense.kernels.elementary import exp
+from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
+from gapsense.kernels.layout import Scalar
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, not_, sqrt, square, where
+
+LEAST_CONDUCTANCE = 1e-9  # beside the coil: it blocks no current that matters, and needs no case of its own [S]
+WANDER = 0.2  # share by which a is taken to change in a step
+DRIFT = 0.03  # change of F in a step, in that which the supply would give
+KEPT = 0.8  # of F, from one step to the next
+STEADY = 0.1  # change of the voltage, in that of the supply, up to which a trend goes on
+SPREAD = 4.0  # by which factor a may change in a step
+
+
+@ports()
+class Parameters(NamedTuple):
+    """Topology, control, supply, switches, and what is known of the coil."""
+
+    topology: Annotated[Scalar, Topology] = choice("What the coil is switched by")
+    control_law: Annotated[Scalar, Law] = choice("What the switches follow")
+    control_chop: Annotated[Scalar, Chop] = choice("Decay of a regulated current")
+    control_restart: Annotated[Scalar, Restart] = choice("What switches a regulated current on again")
+    control_frequency: Scalar = fixed("Hz", "Carrier of PWM and restart; a period begins at the start", 20e3, min=1e-3)
+    control_band: Scalar = parameter("A", "A regulated current is between its level and this much less", 0.05, min=0.0)
+    peak_current: Scalar = parameter("A", "Peak and hold: level at first", 0.6, min=0.0)
+    peak_duration: Scalar = fixed("s", "Peak and hold: time from gate to hold", 4e-3, min=0.0)
+    hold_current: Scalar = parameter("A", "Peak and hold: level then", 0.3, min=0.0)
+    supply_voltage: Scalar = parameter("V", "Supply", 30.0, min=1e-9)
+    supply_resistance: Scalar = parameter("Ohm", "Supply and its wires", 0.1, min=0.0)
+    supply_inductance: Scalar = fixed("H", "Supply and its wires", 10e-6, min=1e-9)
+    link_capacitance: Scalar = fixed("F", "DC link", 1e-3, min=1e-9)
+    link_resistance: Scalar = parameter("Ohm", "Series resistance of its capacitor", 0.02, min=0.0)
+    cable_resistance: Scalar = parameter("Ohm", "Cable to the coil", 0.0, min=0.0)
+    cable_inductance: Scalar = fixed("H", "Cable to the coil", 0.0, min=0.0)
+    switch_resistance: Scalar = parameter("Ohm", "Switch that is on", 0.1, min=0.0)
+    switch_dead_time: Scalar = fixed("s", "Full bridge: from one switch of a leg to the other", 1e-6, min=0.0)
+    switch_minimum: Scalar = fixed("s", "Shortest time on; of a regulated current off, too", 2e-6, min=1e-7)
+    diode_voltage: Scalar = parameter("V", "Threshold of a diode", 0.7, min=0.0)
+    diode_resistance: Scalar = parameter("Ohm", "Slope of a diode", 0.05, min=0.0)
+    clamp_voltage: Scalar = parameter("V", "Zener diode or TVS", 60.0, min=1e-9)
+    clamp_resistance: Scalar = parameter("Ohm", "Slope of the Zener diode or TVS", 0.5, min=0.0)
+    freewheel_resistance: Scalar = parameter("Ohm", "Resistor in series with the diode", 100.0, min=0.0)
+    boost_capacitance: Scalar = fixed("F", "Boost capacitor", 100e-6, min=1e-9)
+    boost_voltage: Scalar = parameter("V", "To which it is charged", 65.0, min=1e-9)
+    boost_current: Scalar = parameter("A", "With which it is charged", 0.5, min=0.0)
+    boost_efficiency: Scalar = parameter("1", "Of its converter", 0.85, min=0.01, max=1.0)
+    coil_resistance: Scalar = parameter("Ohm", "Resistance R of the coil", 48.0, min=1e-9)
+    coil_inductance: Scalar = fixed("H", "The largest that it has; it starts with it", 0.1, min=1e-9)
+    coil_conductance: Scalar = parameter(
+        "S", "Eddy currents, seen from the coil: k_eddy / N^2 of ReluctanceActuator", 0.0, min=0.0
+    )
+    micro_step: Scalar = fixed("s", "Longest step of the integrator", 10e-6, min=1e-7, name="micro_step")
+
+
+class Learnt(NamedTuple):
+    """Of the coil, and how uncertain it is: a covariance."""
+
+    inverse: Scalar  # a [1/H]
+    drift: Scalar  # F [A/s]
+    P_a: Scalar
+    P_both: Scalar
+    P_F: Scalar
+    trend: Scalar  # by which the rate of m is taken to change from one step to the next [A/s]
+    inner: Scalar  # v of the last step [V]
+
+
+class State(NamedTuple):
+    """Where the last step began, what it was asked for, and what it gave."""
+
+    at: Circuit  # at its start
+    gate: Scalar
+    gate_low: Scalar
+    reference: Scalar
+    enable: Scalar
+    step: Scalar  # its length [s]
+    held: Scalar  # voltage that it gave [V]
+    began: Scalar  # m of the coil at its start, measured [A]
+    inside: Scalar  # whether a switch switched within it
+    steady: Scalar  # whether one path conducted all the time
+    learnt: Learnt
+
+
+@ports()
+class Inputs(NamedTuple):
+    """What is wanted, and the coil's current at the start of the step."""
+
+    time: Scalar  # end of the step [s]
+    dt: Scalar  # [s]
+    gate: Scalar = input_("1", "Above 0.5: the upper switch, or the only one, is on; or peak and hold begins")
+    gate_low: Scalar = input_("1", "Above 0.5: the lower switch of a bridge is on", start=1.0)
+    reference: Scalar = input_("1", "PWM: duty, -1 to 1; current: level [A]; held during the step")
+    enable: Scalar = input_("1", "0.5 or less: all switches are off", start=1.0)
+    coil_current: Scalar = input_(
+        "A", "Current of the coil at the start of the step", nominal=0.6, source="plant.current"
+    )
+
+
+@ports(feedthrough=Inputs._fields[2:])
+class Outputs(NamedTuple):
+    """Values at the end of the step, save for the mean."""
+
+    voltage: Scalar = output("V", "Coil voltage; on an edge, just before it", nominal=30.0)
+    voltage_mean: Scalar = output("V", "Voltage that, held, takes the coil where the step takes it", nominal=30.0)
+    current: Scalar = output("A", "Coil current as the stage has it", nominal=0.6)
+    supply_current: Scalar = output("A", "Current of the supply", nominal=0.6)
+    link_voltage: Scalar = output("V", "Capacitor of the DC link", nominal=30.0)
+    boosted_voltage: Scalar = output("V", "Boost capacitor", nominal=65.0)
+    leg_a: Scalar = output("1", "1: upper switch on, -1: lower one, 0: none", min=-1.0, max=1.0)
+    leg_b: Scalar = output("1", "Likewise, of the other end of the coil", min=-1.0, max=1.0)
+    path: Scalar = output("1", "Sign of the current that can flow; 0: none", min=-1.0, max=1.0)
+    coil_inductance: Scalar = output("H", "Differential inductance, learnt", nominal=0.05)
+    supplied_energy: Scalar = output("J", "From the supply since the start", nominal=0.1)
+    delivered_energy: Scalar = output("J", "To the coil since the start", nominal=0.1)
+    dissipated_energy: Scalar = output("J", "Lost in the stage since the start", nominal=0.01)
+    stored_energy: Scalar = output("J", "In inductances and capacitors of the stage", nominal=0.5)
+
+
+def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """All switches off, capacitors charged, no current from the supply."""
+    a = 1.0 / par.coil_inductance
+    net, learnt = net_of(par), Learnt(a, 0.0, a * a, 0.0, 0.0, 0.0, 0.0)
+    coil = _coil(par, learnt)
+    gates = Gates(a=0.0, b=0.0, live=0.0, boosting=0.0, age_a=1.0, age_b=1.0, clock=0.0, since=0.0)
+    m = inputs.coil_current * (1.0 + coil.resistance * coil.conductance)
+    stores = Stores(magnetizing=m, supply=0.0, link=par.supply_voltage, boost=par.boost_voltage)
+    sums = Sums(supplied=0.0, delivered=0.0, dissipated=0.0, cabled=0.0)
+    at = Circuit(stores, gates, sums, current=inputs.coil_current, voltage=0.0, path=0.0)
+    state, outputs = _given(net, coil, learnt, at, m, inputs._replace(dt=0.0))
+    return state._replace(held=0.0), outputs
+
+
+def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """One communication step."""
+    net = net_of(par)
+    G, R = par.coil_conductance, par.coil_resistance
+    m = inputs.coil_current * (1.0 + R * G) - G * state.held  # (2)
+
+    def known() -> tuple[Learnt, Circuit]:
+        learnt, is_inside = _learn(state, m, par), is_set(state.inside)
+        command = Command(state.gate, state.gate_low, state.reference, state.enable)
+        before, after = _foreseen(par, state.learnt), _coil(par, learnt)
+        coil = Coil(*(where(is_inside, x, y) for x, y in zip(before, after)))
+        at = advanced(net, coil, command, state.at, state.step)
+        reached = where(is_inside, m, at.stores.magnetizing)
+        return learnt, at._replace(stores=at.stores._replace(magnetizing=reached))
+
+    learnt, at = cond(state.step > 0.0, known, lambda: (state.learnt, state.at))
+    return _given(net, _foreseen(par, learnt), learnt, at, m, inputs)
+
+
+def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs: Inputs) -> tuple[State, Outputs]:
+    """What the stage gives in the step that begins, where the coil has `m` and should have that of `at`."""
+    dt = inputs.dt
+    command = Command(inputs.gate, inputs.gate_low, inputs.reference, inputs.enable)
+    then = advanced(net, coil, command, at, dt)
+    inner = _drive(coil, m, then.stores.magnetizing, dt) - coil.drift
+    held = where(dt > 0.0, inner / coil.inverse * (1.0 + coil.resistance * coil.conductance), then.voltage)
+    leg_a, leg_b = power_circuit.levels(net, then.gates)
+    outputs = Outputs(
+        voltage=then.voltage,
+        voltage_mean=held,
+        current=then.current,
+        supply_current=then.stores.supply,
+        link_voltage=then.stores.link,
+        boosted_voltage=then.stores.boost,
+        leg_a=leg_a,
+        leg_b=leg_b,
+        path=then.path,
+        coil_inductance=1.0 / coil.inverse,
+        supplied_energy=then.sums.supplied,
+        delivered_energy=then.sums.delivered,
+        dissipated_energy=then.sums.dissipated,
+        stored_energy=power_circuit.stored(net, then),
+    )
+    is_inside = not_(power_circuit.is_over(then.gates.age_a, dt))
+    is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
+    return State(at, *command, dt, held, m, flag(is_inside), flag(is_steady), learnt), outputs
+
+
+def _drive(coil: Coil, start: Scalar, end: Scalar, dt: Scalar) -> Scalar:
+    """What the coil is driven by in a step from `start` to `end` with one voltage: a u / (1 + R G) + F [A/s], (4)."""
+    x = coil.inverse * coil.resistance * dt / (1.0 + coil.resistance * coil.conductance)
+    is_small = x < 1e-4
+    held = where(is_small, 1.0 - 0.5 * x, (1.0 - exp(clip(-x, -700.0, 0.0))) / where(is_small, 1.0, x))
+    return (end - start * (1.0 - x * held)) / (where(dt > 0.0, dt, 1.0) * held)
+
+
+def _learn(state: State, m: Scalar, par: Parameters) -> Learnt:
+    """The coil that did in the last step what was measured, by a Kalman filter of a and F that trusts it, (5).
+
+    At a voltage that stays, what was not foreseen counts for the inductance as far as the voltage is high; where the
+    voltage changes, its covariance tells a and F apart.
+    """
+    before, learnt = _coil(par, state.learnt), state.learnt
+    share = 1.0 / (1.0 + before.resistance * before.conductance)
+    inner = share * state.held
+    v = inner - share * before.resistance * 0.5 * (state.began + m)
+    P_a = (1.0 - WANDER * WANDER) * learnt.P_a + square(WANDER * learnt.inverse)
+    P_both = sqrt(1.0 - WANDER * WANDER) * KEPT * learnt.P_both
+    P_F = KEPT * KEPT * learnt.P_F + square(DRIFT * par.supply_voltage * learnt.inverse)
+    S_a, S_F = P_a * v + P_both, P_both * v + P_F
+    S = S_a * v + S_F
+    unforeseen = _drive(before, state.began, m, state.step) - before.inverse * inner - before.drift
+    inverse = before.inverse + S_a / S * (unforeseen + (1.0 - KEPT) * before.drift)
+    inverse = clip(inverse, before.inverse / SPREAD, before.inverse * SPREAD)
+    inverse = where(inverse * par.coil_inductance > 1.0, inverse, 1.0 / par.coil_inductance)
+    after = before._replace(inverse=inverse)
+    drift = _drive(after, state.began, m, state.step) - inverse * inner
+    is_steady = is_set(state.steady) & (fabs(v - learnt.inner) < STEADY * par.supply_voltage)
+    trend = where(is_steady, unforeseen, 0.0)
+    return Learnt(inverse, drift, P_a - S_a * S_a / S, P_both - S_a * S_F / S, P_F - S_F * S_F / S, trend, v)
+
+
+def _coil(par: Parameters, learnt: Learnt) -> Coil:
+    return Coil(par.coil_resistance, par.coil_conductance + LEAST_CONDUCTANCE, learnt.inverse, learnt.drift)
+
+
+def _foreseen(par: Parameters, learnt: Learnt) -> Coil:
+    """The coil of the next step."""
+    return _coil(par, learnt._replace(drift=learnt.drift + learnt.trend))
+
+
+def net_of(par: Parameters) -> Net:
+    """Constants of the circuit."""
+    topology = par.topology
+    is_boost, is_tvs = topology == Topology.boost, topology == Topology.low_side_tvs
+    is_zener = topology == Topology.low_side_zener
+    added = where(is_zener, par.clamp_voltage, 0.0)
+    series = where(
+        is_zener, par.clamp_resistance, where(topology == Topology.low_side_resistor, par.freewheel_resistance, 0.0)
+    )
+    diode = Path(0.0, 0.0, par.diode_voltage, par.diode_resistance)
+    return Net(
+        topology=topology,
+        law=par.control_law,
+        is_slow=par.control_chop == Chop.slow,
+        is_restarted=(par.control_law >= Law.current) & (par.control_restart == Restart.pwm),
+        source=par.supply_voltage,
+        resistance=par.supply_resistance,
+        inductance=par.supply_inductance,
+        capacitance=par.link_capacitance,
+        esr=par.link_resistance,
+        cable_resistance=par.cable_resistance,
+        cable_inductance=par.cable_inductance,
+        switch=par.switch_resistance,
+        diode=diode,
+        clamp=Path(
+            bus=flag(not_(is_boost | is_tvs)),
+            boost=flag(is_boost),
+            offset=where(is_tvs, par.clamp_voltage, par.diode_voltage + added),
+            resistance=where(is_tvs, par.clamp_resistance, par.diode_resistance + series),
+        ),
+        dead_time=par.switch_dead_time,
+        minimum=par.switch_minimum,
+        period=1.0 / par.control_frequency,
+        peak=par.peak_current,
+        peak_duration=par.peak_duration,
+        hold=par.hold_current,
+        band=par.control_band,
+        boost_capacitance=par.boost_capacitance,
+        boost_voltage=par.boost_voltage,
+        boost_current=par.boost_current,
+        boost_efficiency=par.boost_efficiency,
+        micro_step=par.micro_step,
+    )

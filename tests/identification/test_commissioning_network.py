@@ -1,0 +1,105 @@
+"""A magnet of another's network that bounces on elastic stops: what `commission` learns of it beyond the usual model.
+
+The doubt about the gap law was chosen with seed 1 and stops of 4 MN/m.  Seeds 3, 4 and 11 with other stops, springs and
+beliefs judged, each once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from c_code import driven
+from network_records import FINE, LONG, SHORT, TURNS, measured, run, write
+
+from gapsense.actuators import table_actuator
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.identification.actuator import fit
+from gapsense.identification.actuator.drive import read_excitation
+from gapsense.identification.actuator.kernel import Beyond
+from gapsense.identification.actuator.show import remarks, standard_errors, write_actuator
+from gapsense.identification.parameter_set import parameters_of, read_values
+
+NEAR = {"core_reluctance": 4.6e6, "core_saturation": 0.142, "core_bend": 2.9e6, "core_eddy": 4.4e-3}
+NEAR |= {"core_hysteresis": 1e-9, "gap_fringing": 130.0, "gap_window": 9e-3, "damping": 0.2, "coil_resistance": 10.0}
+KNEE = 12.7
+
+
+def near(magnet):
+    """Values near those of a magnet, and what `Mhe` has not."""
+    plant = magnet.plant
+    known = magnet.known._replace(**NEAR, mover_mass=plant.mover_mass, spring_stiffness=plant.spring_stiffness)
+    return known, Beyond(KNEE, magnet.stop, magnet.bounce)
+
+
+@pytest.mark.parametrize("magnet", [SHORT, LONG._replace(half=40e-3, stop=1e6)])
+def test_model_with_knee_and_elastic_stops_is_the_plant_of_its_table(magnet, tmp_path):
+    """Through a closing with its bounces, by steps of 10 us."""
+    known, beyond = near(magnet)
+
+    def current(h, lam):
+        R = known.gap_slope * h / (1.0 + known.gap_fringing * h * np.log(known.gap_window / h)) + known.core_reluctance
+        return lam / TURNS**2 * (R + known.core_bend * (lam / known.core_saturation) ** (KNEE - 1.0))
+
+    gaps, fluxes = np.linspace(0.05e-3, magnet.plant.stop_upper + 0.2e-3, 61), np.r_[0.0:0.1:15j, 0.102:0.16:30j]
+    table = kernel_parameters(
+        own("table_actuator"), {"map.file": str(write(tmp_path / "m.csv", gaps, fluxes, current))}
+    )
+    maps = {name: value for name, value in table._asdict().items() if name.startswith("map")}
+    n = round(magnet.half / FINE)
+    u = np.r_[np.zeros(200), np.full(n, 12.0)]
+    i, z = driven(table_actuator, magnet.plant._replace(**maps), u, FINE, "current", "position").T
+    found = fit.run(known._replace(sample_time=FINE), [0.0, *u[:-1].tolist()], beyond)
+    bounces = np.count_nonzero(np.diff(np.sign(z - magnet.plant.stop_lower)) > 0)
+    assert bounces >= 3
+    assert np.sqrt(np.mean((found[:, 2] - z) ** 2)) < 2e-6 and np.sqrt(np.mean((found[:, 0] - i) ** 2)) < 1e-3
+
+
+def test_without_a_spring_the_mover_begins_where_it_is_told():
+    known, beyond = near(SHORT)
+    free = known._replace(spring_stiffness=0.0)
+    for more in (beyond, fit.USUAL):
+        assert fit.run(free, [0.0, 0.0], more)[:, 2] == pytest.approx(SHORT.plant.stop_upper, abs=1e-12)
+    pushed = fit.run(known, [0.0, 0.0], beyond)[:, 2]
+    assert (pushed > SHORT.plant.stop_upper).all() and np.ptp(pushed) < 1e-9  # as deep in the stop as the spring pushes
+
+
+@pytest.fixture(scope="module")
+def concluded():
+    """What a point says that is near the truth, without a search."""
+    (record, _), (known, beyond) = measured(SHORT, pulses=1, seed=3), near(SHORT)
+    p = fit.with_more(fit.Problem(known, [*fit.DEVIATIONS], [read_excitation(record, known)]), fit.STOPS)
+    p = p._replace(known=known, beyond=beyond)
+    return fit.conclude(p, np.zeros(p.deviations.size), 0), known
+
+
+def test_the_set_has_the_stops_and_the_nearest_knee_of_the_estimators(concluded, tmp_path):
+    result, known = concluded
+    written = write_actuator(tmp_path / "mine.toml", result, SHORT.set, "test")
+    values, errors = read_values([written]), standard_errors(result)
+    par, found = parameters_of("mhe", written), [values[f"stop.{name}"] for name in ("law", "stiffness", "damping")]
+    assert found == ["elastic", SHORT.stop, SHORT.bounce]
+    assert par.gap_window == known.gap_window and par.window_tail < 0.02
+    lam = np.linspace(0.0, 0.135, 50)
+    m = lam / par.core_saturation
+    bent = lam / TURNS**2 * (par.core_reluctance + par.core_bend * m**2 / (1.0 - m**2))
+    sharp = (lam / known.core_saturation) ** (KNEE - 1.0)
+    assert np.abs(bent - lam / TURNS**2 * (known.core_reluctance + known.core_bend * sharp)).max() < 12e-3
+    assert 2e-3 < par.model_error < 8e-3 and {"stop.stiffness", "stop.damping", "core.saturation"} <= set(errors)
+    assert 0.0 < errors["core.saturation"] < 0.01 * par.core_saturation
+    said = " ".join(remarks(result, known))
+    assert "a knee b m^12.7 of the core and elastic stops" in said and "`TableActuator` has these stops" in said
+
+
+@pytest.mark.slow
+def test_a_magnet_that_bounces_is_explained_within_a_hundredth_of_its_stroke():
+    """At voltages of no record too; mass and spring within two stated errors. It left 98 % after the landing."""
+    magnet = SHORT._replace(stop=2e6, bounce=0.7)
+    result = fit.commission([measured(magnet, seed=11)[0]], magnet.known)
+    assert result.is_explained and result.beyond.stop_stiffness > 0.0 and not result.at_limit
+    for volts in (10.0, 14.0):
+        u, _, z = run(magnet._replace(volts=volts), 1).T
+        found = fit.run(result.parameters._replace(sample_time=FINE), [0.0, *u[:-1].tolist()], result.beyond)
+        assert np.sqrt(np.mean((found[:, 2] - z) ** 2)) < 0.01 * magnet.stroke
+    for name in ("mover_mass", "spring_stiffness"):
+        off = np.log(getattr(result.parameters, name) / getattr(magnet.plant, name))
+        assert abs(off) < 2.0 * result.errors[name] < 0.1, name
