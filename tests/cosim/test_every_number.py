@@ -37,6 +37,7 @@ set = { slope = 2.0, seed = 1 }
 
 [components.noise]
 fmu = "Noise"
+clock = 168e6
 
 [components.tuned]
 fmu = "Tuned"

@@ -16,6 +16,7 @@ from gapsense.identification.measurements.low_pass import Filtered, weights
 from gapsense.identification.measurements.operations import Flux, Operation, coil, estimate, operations, trapezoid
 from gapsense.identification.measurements.record import Record, Vector, between
 from gapsense.identification.measurements.signals import hidden, noise
+from gapsense.identification.valve import lossy_valve
 from gapsense.identification.valve.form import FACTOR, Device, Form, kernel_of, output_getter
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Array, Plan, over_runs, plan
@@ -25,6 +26,7 @@ from gapsense.problems import InputError
 from gapsense.report.table import quantity
 
 JUMP = 0.1  # within an interval, relative to the range of the voltage
+WITHIN = 0.01  # the same of an edge that lies within an interval
 EXACT = 1e-3  # of the largest current: the model is no better, whatever the noise
 ALIKE = 0.1  # samples between the places of edges that are no more than a delay
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
@@ -153,7 +155,21 @@ def simulate(
         else:
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
         rows.append(look(outputs))
-    return Trajectory(*np.array(rows).T)
+    found = Trajectory(*np.array(rows).T)
+    return found._replace(current=found.current + at_edges(par, halves, resistance))
+
+
+def at_edges(par: Device, halves: Vector, resistance: Vector) -> Vector | float:
+    """What is missing of the current at the samples after an edge [A].
+
+    Eddy currents follow the voltage at the sample, i = g_e u / (1 + R g_e) + ..., not the mean before it, which has
+    some of the voltage before the edge.  What the voltage is after the edge the next interval tells.
+    """
+    if not isinstance(par, lossy_valve.Parameters):
+        return 0.0
+    late = np.append(halves[1:, 0], halves[-1, 1]) - np.where(jumps(halves), halves[:, 1], halves.mean(axis=1))
+    late[np.abs(halves[:, 1] - halves[:, 0]) < WITHIN * np.ptp(halves)] = 0.0
+    return np.asarray(late * par.core_eddy / (1.0 + par.coil_factor * resistance * par.core_eddy))
 
 
 def _single(halves: Vector) -> Vector:
@@ -266,7 +282,8 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
     columns |= {"mean": halves.mean(axis=1), "first": halves[:, 0], "second": halves[:, 1]}
     columns |= {"at": [k * dt for k in range(count)], "steps": [dt, 0.5 * dt]}
     made = recorded.run(len(pars), **columns).T
-    return [Response(run[:count], run[count:] if with_position else None) for run in made]
+    currents = [run[:count] + at_edges(par, halves, experiment.resistance) for par, run in zip(pars, made)]
+    return [Response(i, run[count:] if with_position else None) for i, run in zip(currents, made)]
 
 
 @cache
