@@ -238,7 +238,7 @@ def origin_of(at: Point) -> Array:
 
 def kept(par: Parameters) -> Scalar:
     """Samples that are kept: places of the memory that are used."""
-    return floor(par.window_memory)
+    return clip(floor(par.window_memory), 1.0, float(RING))
 
 
 def place(newest: Scalar, age: Scalar, par: Parameters) -> Scalar:
