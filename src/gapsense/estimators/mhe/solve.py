@@ -250,7 +250,7 @@ def _give_up(work: Work, causal: Point) -> Work:
     window, fit, learnt = work.window, work.fit, work.learnt
     return _open_window(
         work._replace(
-            window=window._replace(origin=put(window.origin, origin_of(causal)), age=1.0),
+            window=window._replace(origin=put(window.origin, origin_of(causal)), age=1.0, begins_loose=0.0),
             fit=fit._replace(q=put(fit.q, [*get(fit.q_prior, START), 0.0])),
             learnt=learnt._replace(given_up=learnt.given_up + 1.0),
             ready=0.0,
@@ -579,9 +579,9 @@ def _finish(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Par
 
 def _leave_window(work: Work, samples: Samples) -> Work:
     """The samples of the window can be published, and the next one begins where it ends."""
-    window = work.window
+    window, origin = work.window, put(work.window.origin, origin_of(Point(*work.walk.at)))
     return work._replace(
-        window=window._replace(origin=put(window.origin, origin_of(Point(*work.walk.at))), age=window.age - window.end),
+        window=window._replace(origin=origin, age=window.age - window.end, begins_loose=work.walk.is_loose),
         shown=where(work.ready > 0.0, work.shown, place(samples.newest, window.age)),
         ready=work.ready + window.end,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.mhe.model import Model, Parameters, Point
-from gapsense.estimators.mhe.window import JUMP, Learnt, Samples, drives, place
+from gapsense.estimators.mhe.window import JUMP, Learnt, Samples, bounces_on, drives, place
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import clip, fabs, flag, is_set, load, not_, sqrt, square, when, where
 
@@ -50,6 +50,7 @@ class Watch(NamedTuple):
     was_commanded: Scalar = 0.0  # flag: the command has changed
     has_moved: Scalar = 0.0  # flag: there was a motion since then
     is_still: Scalar = 0.0  # flag: there was none between the two changes before
+    is_bouncing: Scalar = 0.0  # flag: the mover bounces, and innovations do not count
 
 
 class Seen(NamedTuple):
@@ -61,6 +62,7 @@ class Seen(NamedTuple):
     is_edge: Scalar  # whether that is an edge
     change: Scalar  # of the command
     is_fed_back: Scalar  # whether the current was fed back
+    before: Point  # the causal estimate of the sample before
 
 
 def weight(par: Parameters) -> Scalar:
@@ -138,7 +140,9 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     """An operation whose innovations are too large is strange; only two others, with motions, take that back."""
     between = (now.position > par.stop_lower) & (now.position < par.stop_upper)
     is_known, by_place = learnt.explained >= _known(par), now.mmf_slope * m.through
-    counts = seen.has_current & not_(seen.is_edge)
+    is_bouncing = bounces_on(before.is_bouncing, seen.before, now, m)
+    is_lost = is_bouncing & seen.is_edge  # nobody knows where the mover is when the next operation begins
+    counts = seen.has_current & not_(seen.is_edge | is_bouncing)
     new = when(seen.is_edge, lambda watch: _begin(watch, is_known, learnt), before)
     edge = _place_edge(before.edge, new.spread, seen, counts & not_(between), now, m, par)
     unexpected = seen.innovation - by_place * edge.faded * edge.place
@@ -147,9 +151,10 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return new._replace(
         edge=edge,
+        is_bouncing=flag(is_bouncing),
         surprise=surprise,
         is_large=flag(is_large),
-        is_strange=where(is_large | seen.is_fed_back, 1.0, new.is_strange),
+        is_strange=where(is_large | is_lost | seen.is_fed_back, 1.0, new.is_strange),
         is_moving=where(between, 1.0, new.is_moving),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
