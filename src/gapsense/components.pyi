@@ -1248,6 +1248,14 @@ class Mhe(Runnable):
         Smallest position z_min.
     stop_upper : float [m], at least 1e-09, by default 0.0014
         Largest position z_max.
+    stop_law : str, one of hard, elastic, by default 'hard'
+        Stops: hard, elastic.
+    stop_restitution : float, 0 to 0.95, by default 0.0
+        Hard: speed after an impact over that before it.
+    stop_stiffness : float [N/m], at least 0.001, by default 1000000.0
+        Elastic: force by depth.
+    stop_damping : float [s/m], at least 0, by default 0.5
+        Elastic: share by which it is larger, by speed inwards.
     core_reluctance : float [1/H], at least 1e-09, by default 2520000.0
         Reluctance of the core without flux, N^2 R_c0*.
     core_saturation : float [Wb], at least 1e-12, by default 0.0238
@@ -1434,6 +1442,10 @@ class Mhe(Runnable):
         damping: float = ...,
         stop_lower: float = ...,
         stop_upper: float = ...,
+        stop_law: str = ...,
+        stop_restitution: float = ...,
+        stop_stiffness: float = ...,
+        stop_damping: float = ...,
         core_reluctance: float = ...,
         core_saturation: float = ...,
         core_bend: float = ...,

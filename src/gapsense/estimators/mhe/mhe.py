@@ -14,6 +14,7 @@ from gapsense.estimators.mhe.follow import Coil, Follow, Reading, decide, feed_b
 from gapsense.estimators.mhe.model import (
     Bouncing,
     Device,
+    Model,
     Parameters,
     Point,
     advance,
@@ -233,7 +234,6 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: the model follows, a piece of the work on the window is done, a smoothed sample is published."""
     told, before = par, Point(*state.causal)
-    first = model(told, device(told))
     # the reading
     has_voltage, can_read = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
     u = where(has_voltage, inputs.voltage, before.voltage)
@@ -242,17 +242,17 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     i = where(can_read, inputs.current - zero, last)
     is_edge, watch = drives(u - before.voltage, par), listen(state.watch, state.samples, u, i, par)
     par = as_seen(watch, told)
+    first = model(par, device(par))
     has_current = can_read & not_(is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     is_same_command = inputs.command == state.last_command
     samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)))
-    R = load(state.believed, 0)
-    creep = u - R * current(before, u, with_device(first, Device(*get(state.believed, START))))
+    creep = _rate(before, u, with_device(first, Device(*get(state.believed, START))))
     held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, creep, par)
     # the window
 
     def held_resistance() -> Scalar:
-        return where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
+        return where(held.held_resistance > 0.0, held.held_resistance, _settled_resistance(held, par))
 
     window, is_first = state.work.window, state.work.pass_start == PassStart.first
     is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
@@ -335,6 +335,11 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
 
 
+def _rate(p: Point, u: Scalar, m: Model) -> Scalar:
+    """Of the flux linkage of the model."""
+    return u - m.d.resistance * current(p, u, m)
+
+
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
     """Where the current is no longer fed back, since the mover is on a stop, a long window is dropped."""
     is_back, longest = not_(is_set(follow.is_on) | is_set(follow.is_futile)), par.window_longest / par.sample_time
@@ -390,7 +395,7 @@ def _hold(before: Held, u: Scalar, i: Scalar, creep: Scalar, par: Parameters) ->
 
 def _change_level(before: Held, u: Scalar, par: Parameters) -> Held:
     """What the voltage that was held has told, when another one begins."""
-    R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
+    R, is_long = _settled_resistance(before, par), before.held >= par.window_tail / par.sample_time
     is_off = is_long & (fabs(before.held_voltage) < par.edge)
     return before._replace(
         held_level=u,
@@ -407,8 +412,13 @@ def _resistance(held: Held, par: Parameters) -> Scalar:
     is_settled = fabs(held.held_drift) < settled * fabs(held.held_current)
     through = held.held_current - where(is_set(par.option_zero), held.zero, 0.0)
     ratio = held.held_voltage / where(is_large, through, 1.0)
-    is_settled = (fabs(held.held_creep) < CREEPING * fabs(held.held_voltage)) & is_settled
     return where(is_long & is_large & is_settled & (ratio > 0.0), ratio, 0.0)
+
+
+def _settled_resistance(held: Held, par: Parameters) -> Scalar:
+    """The same, if the flux linkage of the model is settled too: slow coils creep for long."""
+    is_settled = fabs(held.held_creep) < CREEPING * fabs(held.held_voltage)
+    return where(is_settled, _resistance(held, par), 0.0)
 
 
 def _publish(

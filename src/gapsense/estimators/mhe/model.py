@@ -344,13 +344,16 @@ def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
 
 
 class Bouncing(NamedTuple):
-    """A mover that bounces makes currents that the model does not have; the flux linkage is that of the measured one."""
+    """A mover that bounces makes currents that the model does not know; the flux linkage is that of the measured."""
 
     bounces: Scalar = False  # whether it does
     current: Scalar = 0.0  # measured mean in the sampling period
 
 
-def advance(p: Point, voltage: Scalar, m: Model, seen: Bouncing = Bouncing()) -> Point:
+NO_BOUNCE = Bouncing()
+
+
+def advance(p: Point, voltage: Scalar, m: Model, seen: Bouncing = NO_BOUNCE) -> Point:
     """The next sample, whose voltage is given: (2) exactly, (3) by Verlet's method."""
     mean, rests = mean_of(p.voltage, voltage, m), is_resting(p, m)
     e, stays = electric(p, mean, m), rests & is_quiet(p, mean, m)

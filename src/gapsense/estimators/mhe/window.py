@@ -420,12 +420,12 @@ def _note_event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:
 def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
     """Derivatives J of the current at the sample that the pass has come to; H and g of (5) with them."""
     walk, fit = work.walk, work.fit
-    weight = walk.counted - fit.summed
+    weight, is_still, bounces = walk.counted - fit.summed, walk.still > 0.0, is_set(walk.is_loose)
 
     def add(which: tuple[int, ...]) -> tuple[Array, Array, Array]:
         tangents, gradient = fit.tangents, fit.gradient
         T = matrix([[load(tangents, 4 * k + n) for n in range(4)] for k in which])
-        T, J = differentiate(T, which, Point(*walk.at), walk.mean, walk.pending, walk.still > 0.0, is_set(walk.is_loose), m)
+        T, J = differentiate(T, which, Point(*walk.at), walk.mean, walk.pending, is_still, bounces, m)
         for k, row, slope in zip(which, T, J):
             for n in range(4):
                 tangents = store(tangents, 4 * k + n, row[n])
