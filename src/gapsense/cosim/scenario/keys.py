@@ -186,6 +186,7 @@ COMPONENT = Section(
             "With `iterative`: output of this component that says when in its step an edge comes, from the beginning "
             "[s]; its loop steps to there first, then on",
             '"edge"',
+            otherwise="none",
         ),
         Key(
             "parameters",
