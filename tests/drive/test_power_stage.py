@@ -10,8 +10,8 @@ import pytest
 from power_stage_dop853 import Stage
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.cosim import run
-from gapsense.cosim.scenario.read import load, read_document
+from gapsense.cosim import check, run
+from gapsense.cosim.scenario.read import load, merged, read_document
 from gapsense.drive import power_stage
 from gapsense.drive.power_circuit import Law, Topology
 from gapsense.fmi.components import load_component, own
@@ -144,6 +144,16 @@ def test_current_of_the_scenario_is_right_at_20_us(natives, name):
     jump = (result["stage.voltage"] - result["stage.voltage_mean"]) * share
     assert abs(result["valve.current"] + jump - right).max() < 1e-4 * right.max()
     assert result.run.loops["stage, valve"].most <= 12
+
+
+def test_edges_need_an_output_and_a_loop_that_is_iterated():
+    document = read_document(SCENARIO, [])
+    for change, words in (
+        ({"components": {"stage": {"edge": "gate"}}}, "components.stage.edge: `gate` is no Real output of it."),
+        ({"experiment": {"method": "jacobi"}}, "components.stage.edge: it is in no loop that is iterated."),
+    ):
+        found = check(replace(document, data=merged(document.data, change) | {"variants": {}}))
+        assert words in "".join(found)
 
 
 @pytest.mark.slow
