@@ -1,6 +1,6 @@
 """Of a kernel's functions, keep what some outputs need, and split off what depends on parameters only.
 
-Dropped are other outputs and dead state: neither a wanted output nor the next value of a state that lives depends on it.
+Dropped are other outputs and dead state, on which neither a wanted output nor the next value of a live state depends.
 """
 
 from __future__ import annotations
