@@ -1,12 +1,11 @@
 """`Mhe` on a mover that bounces: a magnet of 1 or 4.75 mm on stops that give way or turn it round.
 
-The plant is a `TableActuator` with the magnetic law of `Mhe`, so that all errors come from stops.  Constants were chosen
-on stops of 4 MN/m; the others here chose nothing.
+The plant is a `TableActuator` with the magnetic law of `Mhe`, so that all errors come from stops.  Constants were
+chosen on stops of 4 MN/m; the others here chose nothing.
 """
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
