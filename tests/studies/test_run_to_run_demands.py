@@ -71,7 +71,7 @@ def test_ordinary_operations_arrive_where_the_voltage_is_used_up(law):
 @pytest.mark.parametrize("law", LEARNING)
 @pytest.mark.parametrize("condition", ["weak-24", "normal-10"])
 def test_an_actuator_that_ordinary_closings_leave_open_gets_more_voltage_or_is_told(condition, law):
-    """24 V do not close some; 30 V do, where there are so many, and every ordinary closing then. None is told wrongly."""
+    """24 V do not close some; 30 V do, where there are so many, in every ordinary closing. None is told wrongly."""
     seen = outcome(law, CONDITIONS[condition], OTHERS, range(FEWER), 20)
     was_told, is_told = np.moveaxis(seen.said[LEARNT:].astype(int) & 512 > 0, 1, 0)  # before, and after its closing
     has_closed = seen.speeds[LEARNT:, 0] < NEVER
