@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import random
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,8 +13,8 @@ import numpy as np
 import pytest
 from host import ROOT, compile_, expected, played
 
-from gapsense.embedded.design import Design, designed
-from gapsense.embedded.export import export, written
+from gapsense.embedded.design import REALS, Design, designed
+from gapsense.embedded.export import export, memory, written
 from gapsense.fmi.components import find_components, load_component
 
 FOLDERS = {folder.name: folder for folder in find_components(ROOT / "fmus")}
@@ -139,3 +141,19 @@ def test_comments_have_units_ranges_and_the_lines_of_the_kernel() -> None:
 
 def test_the_same_design_gives_the_same_files() -> None:
     assert written([designed(FOLDERS["ekf"])]) == written([designed(FOLDERS["ekf"])])
+
+
+def test_page_has_a_row_of_every_component_in_float_and_double() -> None:
+    page = (ROOT / "docs" / "microcontrollers.md").read_text(encoding="utf-8").partition("<!-- so is this -->")[2]
+    rows = re.findall(r"^\| `(\w+)` \| (float|double) \|", page, re.MULTILINE)
+    assert sorted(rows) == sorted(itertools.product(FOLDERS, REALS))
+
+
+def test_constants_say_how_much_memory_there_is() -> None:
+    """That a smaller memory is enough is seen on a board: `motion.memory` among the rows of costs.py."""
+    less = designed(FOLDERS["ertss"], given={"motion.memory": 25.0}, is_baked=True)
+    every = designed(FOLDERS["ertss"], given={"motion.memory": 25.0})
+    assert less.memories() == {"waiting": 112, "samples": 1725} and memory(less) < 10_000 < 300_000 < memory(every)
+    text = written([less])
+    assert "float samples[1725];" in text["ertss.h"] and "k < 1725" in text["ertss.c"]
+    assert "within(" in text["ertss.c"] and "70656" not in text["ertss.c"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
 from gapsense.kernels.emit import HARMLESS_IN_C, Graph, Python, needed, split
 from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import fields as layout
 from gapsense.problems import InputError, suggest
 
 REALS = ("float", "double")
@@ -32,6 +34,14 @@ class Design(NamedTuple):
     initial: Graph
     prepare: Graph | None  # what follows from the parameters alone
     step: Graph
+
+    def memories(self) -> dict[str, int]:
+        """Numbers of every array memory of the state; where parameters are constants no more than these use."""
+        kept = {name: at for name, at in layout(self.kernel.module.State).items() if at.kind == "memory"}
+        starts = {port.field: port.start for port in self.component.of("parameter")}
+        used = {name: at.used for name, at in kept.items() if at.used and self.is_baked}
+        shares = {name: Fraction(int(self.values[own]), int(starts[own])) for name, own in used.items()}
+        return {name: int(at.size * shares.get(name, 1)) for name, at in kept.items()}
 
 
 def designed(
