@@ -231,6 +231,13 @@ def test_check_finds_what_is_wrong_with_a_board(board: str, words: str, write: W
     assert len(problems) == 2 and all(words in problem and "components.s" in problem for problem in problems)
 
 
+def test_firmware_of_a_variant_may_be_built_later(fmus: Path) -> None:
+    scenario = ROOT / "scenarios" / "firmware"
+    assert check(scenario, fmus=fmus) == []
+    problems = check(scenario, "board", fmus)
+    assert len(problems) == 2 and all("there is no file" in problem and "`make`" in problem for problem in problems)
+
+
 def test_a_board_that_is_not_there_is_told(write: Writer, fmus: Path, tmp_path: Path) -> None:
     for board in ("tcp:127.0.0.1:1", f"serial:{tmp_path / 'tty'}"):
         with pytest.raises(FmuError, match=r"sensor: the board .* cannot be reached"):

@@ -39,8 +39,6 @@ class BoardError(RuntimeError):
 
 def wrong_board(board: str, firmware: Path | None) -> str:
     """What is wrong with the place of a board, or nothing; the board itself is not asked."""
-    if os.name != "posix":
-        return "board: boards need Linux or macOS. Remove it."
     kind, _, place = board.partition(":")
     if kind not in ("qemu", "serial", "tcp") or not place:
         return f"board: `{board}` found, {PLACES}. Correct it."
@@ -50,6 +48,15 @@ def wrong_board(board: str, firmware: Path | None) -> str:
         return "firmware: QEMU alone loads it, a board has its own already. Leave it out." if firmware else ""
     if firmware is None:
         return "firmware: missing; QEMU needs a file. Make one with `gapsense export-c ... --loop`, and `make`."
+    return ""
+
+
+def absent(board: str, firmware: Path | None) -> str:
+    """What a run with a board needs and this computer has not, or nothing."""
+    if board and os.name != "posix":
+        return "board: boards need Linux or macOS. Leave it out."
+    if not board.startswith("qemu:") or firmware is None:
+        return ""
     if not firmware.is_file():
         return f"firmware: there is no file `{firmware}`. Make it with `gapsense export-c ... --loop`, and `make`."
     return (
