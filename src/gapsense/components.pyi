@@ -715,7 +715,7 @@ class Ertss(Runnable):
     contact_debounce : float [s], at least 0, by default 0.0002
         A mover that leaves its stop and is back in this time has bounced.
     motion_memory : float, 2 to 1024, by default 1024.0
-        Samples of a motion that are kept, the last ones; exported with --bake, there is memory for no more.
+        Samples of a motion that are kept, the last ones; exported C has memory for no more.
 
     Inputs of run and step
     ----------------------
@@ -1305,6 +1305,8 @@ class Mhe(Runnable):
         Longest window; at most 2000 samples.
     window_pace : float, 0 to 64, by default 0.0
         Pieces of the work on a window in a step; 0: by the sample time.
+    window_memory : float, 64 to 8192, by default 8192.0
+        Samples that are kept; a constant of exported C, which has room for no more.
     publish_within : float [s], at least 0, by default 0.0
         Age beyond which a sample is not published; 0: all are.
     prior_resistance : float, at least 0, by default 0.15
@@ -1464,6 +1466,7 @@ class Mhe(Runnable):
         window_tail: float = ...,
         window_longest: float = ...,
         window_pace: float = ...,
+        window_memory: float = ...,
         publish_within: float = ...,
         prior_resistance: float = ...,
         prior_eddy: float = ...,

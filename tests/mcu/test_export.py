@@ -14,8 +14,9 @@ import pytest
 from host import ROOT, compile_, expected, played
 
 from gapsense.embedded.design import REALS, Design, designed
-from gapsense.embedded.export import export, memory, written
+from gapsense.embedded.export import check_memory, export, memory, written
 from gapsense.fmi.components import find_components, load_component
+from gapsense.problems import InputError
 
 FOLDERS = {folder.name: folder for folder in find_components(ROOT / "fmus")}
 # Largest error of float on the reference record, of the largest value of each output. The records of `ekf`, `ertss` and
@@ -125,6 +126,25 @@ def test_no_output_but_those_wanted_is_computed() -> None:
     assert few.kept["outputs"] == ["flux_linkage"]
 
 
+@pytest.mark.parametrize("is_baked", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_memory_is_for_the_samples_that_are_kept_and_its_bits_are_those_of_the_kernel(
+    is_baked: bool, tmp_path: Path
+) -> None:
+    given = {"window.memory": 256.0, "window.longest": 2e-3, "option.command": True}
+    design = designed(FOLDERS["mhe"], "double", ("position", "smoothed_position"), given, is_baked)
+    assert same(played(design, tmp_path), expected(design))
+    text = (tmp_path / "mhe.h").read_text()
+    assert all(f"double {name}[256];" in text for name in ("voltages", "weights", "commands", "positions"))
+    assert "window_memory;" not in text  # it can no longer be changed
+    assert memory(design) < 256 * 40 + 7000 and "10,240 bytes are for" in (tmp_path / "README.md").read_text()
+    with pytest.raises(InputError, match=r"more than the 16,000 .*`--set window.memory=\d+`") as told:
+        check_memory([design], 16000)
+    count = int(str(told.value).partition("window.memory=")[2].partition("`")[0])
+    check_memory([design._replace(values={**design.values, "window_memory": count})], 16000)
+    with pytest.raises(InputError, match=f"window.memory={count}`"):
+        check_memory([design._replace(values={**design.values, "window_memory": count + 1})], 16000)
+
+
 def test_parameters_that_no_output_needs_are_not_asked_for() -> None:
     design = designed(FOLDERS["semera"], "float", ("flux_linkage",))
     assert "coil_turns" not in written([design])["semera.h"]
@@ -149,11 +169,13 @@ def test_page_has_a_row_of_every_component_in_float_and_double() -> None:
     assert sorted(rows) == sorted(itertools.product(FOLDERS, REALS))
 
 
-def test_constants_say_how_much_memory_there_is() -> None:
+def test_memory_is_in_proportion_to_its_parameter() -> None:
     """That a smaller memory is enough is seen on a board: `motion.memory` among the rows of costs.py."""
-    less = designed(FOLDERS["ertss"], given={"motion.memory": 25.0}, is_baked=True)
-    every = designed(FOLDERS["ertss"], given={"motion.memory": 25.0})
+    less, every = (designed(FOLDERS["ertss"], given={"motion.memory": n}) for n in (25.0, 1024.0))
     assert less.memories() == {"waiting": 112, "samples": 1725} and memory(less) < 10_000 < 300_000 < memory(every)
     text = written([less])
     assert "float samples[1725];" in text["ertss.h"] and "k < 1725" in text["ertss.c"]
     assert "within(" in text["ertss.c"] and "70656" not in text["ertss.c"]
+    assert "7,350 bytes are for `motion.memory` = 25" in text["README.md"]
+    with pytest.raises(InputError, match=r"`--set motion.memory=\d+`"):
+        check_memory([every], 64_000)

@@ -36,12 +36,17 @@ class Design(NamedTuple):
     step: Graph
 
     def memories(self) -> dict[str, int]:
-        """Numbers of every array memory of the state; where parameters are constants no more than these use."""
+        """Numbers of every array memory of the state, no more than are used."""
         kept = {name: at for name, at in layout(self.kernel.module.State).items() if at.kind == "memory"}
-        starts = {port.field: port.start for port in self.component.of("parameter")}
-        used = {name: at.used for name, at in kept.items() if at.used and self.is_baked}
-        shares = {name: Fraction(int(self.values[own]), int(starts[own])) for name, own in used.items()}
-        return {name: int(at.size * shares.get(name, 1)) for name, at in kept.items()}
+        return {
+            name: int(int(self.values[at.used]) * self.per(name)) if at.used else at.size for name, at in kept.items()
+        }
+
+    def per(self, memory: str) -> Fraction:
+        """Numbers of an array memory for each unit of the parameter that says how many are used."""
+        at = layout(self.kernel.module.State)[memory]
+        start = next(port.start for port in self.component.of("parameter") if port.field == at.used)
+        return Fraction(at.size, int(start))
 
 
 def designed(
@@ -54,7 +59,8 @@ def designed(
     kernel = (is_lean and lean_kernel(component)) or kernel_of(component)
     values = fields(component, given or {}, folder)
     wanted = [port.field for port in component.of("output") if port.name in outputs or not outputs]
-    initial, step, kept = needed(*kernel.traced(values if is_baked else None, with_places=True), wanted, Python)
+    constants = values if is_baked else {name: values[name] for name in sizing(kernel)}
+    initial, step, kept = needed(*kernel.traced(constants, with_places=True), wanted, Python)
     has_parameters = bool(kept["par"]) and not is_baked
     prepare, step = split(step, Python, HARMLESS_IN_C) if has_parameters else (None, step)
     return Design(
@@ -70,6 +76,11 @@ def designed(
         prepare=prepare,
         step=step,
     )
+
+
+def sizing(kernel: Kernel) -> list[str]:
+    """Parameters that say how much of an array memory is used: always constants of the code."""
+    return [*dict.fromkeys(at.used for at in layout(kernel.module.State).values() if at.used)]
 
 
 def lean_kernel(component: Component) -> Kernel | None:

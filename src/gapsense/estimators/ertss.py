@@ -64,7 +64,7 @@ class Parameters(NamedTuple):
     )
     motion_memory: Scalar = parameter(
         "1",
-        "Samples of a motion that are kept, the last ones; exported with --bake, there is memory for no more",
+        "Samples of a motion that are kept, the last ones; exported C has memory for no more",
         float(LENGTH),
         min=2.0,
         max=float(LENGTH),
