@@ -2295,6 +2295,7 @@ class PowerStageOutputs(NamedTuple):
     leg_b: float
     path: float
     coil_inductance: float
+    edge: float
     supplied_energy: float
     delivered_energy: float
     dissipated_energy: float
@@ -2311,6 +2312,7 @@ class PowerStageResponse(Response):
     leg_b: Floats
     path: Floats
     coil_inductance: Floats
+    edge: Floats
     supplied_energy: Floats
     delivered_energy: Floats
     dissipated_energy: Floats
@@ -2386,6 +2388,8 @@ class PowerStage(Runnable):
         Eddy currents, seen from the coil: k_eddy / N^2 of ReluctanceActuator.
     micro_step : float [s], at least 1e-07, by default 1e-05
         Longest step of the integrator.
+    current_at : str, one of start, end, by default 'start'
+        To which end of the step the coil's current belongs; end: iterated: start, end.
 
     Inputs of run and step
     ----------------------
@@ -2422,6 +2426,8 @@ class PowerStage(Runnable):
         Sign of the current that can flow; 0: none.
     coil_inductance : float [H]
         Differential inductance, learnt.
+    edge : float [s]
+        From the start of the step to the first edge inside, or else its end.
     supplied_energy : float [J]
         From the supply since the start.
     delivered_energy : float [J]
@@ -2467,6 +2473,7 @@ class PowerStage(Runnable):
         coil_inductance: float = ...,
         coil_conductance: float = ...,
         micro_step: float = ...,
+        current_at: str = ...,
     ) -> None: ...
     def run(  # type: ignore[override]
         self,

@@ -148,7 +148,7 @@ class Learnt(NamedTuple):
     windows: Scalar = 0.0  # so far
     misfit: Scalar = 0.0  # cost over what noise and model error make (9)
     given_up: Scalar = 0.0  # windows since then that were not solved before the memory was full
-    rejected: Scalar = 0.0  # windows in a row that nothing explained
+    rejected: Scalar = 0.0  # windows in a row that nothing explained; below 0: so many must be after a new beginning
     explained: Scalar = 0.0  # windows with a motion that were
 
 
