@@ -24,6 +24,7 @@ SMALL = {  # options of each that make it small
     "coupling.py": ("--small",),
     "whole.py": ("--seeds", "0", "--repeats", "1"),
     "run_to_run.py": ("--times", "1"),
+    "mcu.py": ("--only", "drive_voltage"),
     "house.py": (),
 }
 

@@ -1,36 +1,67 @@
-"""What exported components take on a Cortex-M3 and a Cortex-M4F: `python benchmarks/mcu.py [--write]`.
+"""What exported components take on a Cortex-M3, M4F and M7: `python benchmarks/mcu.py [--write] [--only NAME ...]`.
 
 Built by arm-none-eabi-gcc with -Os, run by QEMU, which counts instructions and knows no waiting for memory.  The FMUs
-in build/fmus play the scenarios that the inputs are from.  `--write` puts the table into docs/microcontrollers.md.
+in build/fmus play the scenarios that the inputs are from.  Two tables, of chosen outputs in float and of all outputs of
+all components in float and double; `--write` puts them into docs/microcontrollers.md, which takes half an hour.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "mcu"))
 from board import BOARDS, missing_tools
-from costs import BEGIN, END, PAGE, ROWS, line, measured, table
+from board import EVERY as MACHINES
+from costs import (
+    BEGIN,
+    BEGIN_OF_ALL,
+    END,
+    EVERY,
+    HEAD,
+    HEAD_OF_ALL,
+    PAGE,
+    ROWS,
+    Row,
+    line,
+    line_of_all,
+    measured,
+    table,
+)
+
+from gapsense.embedded.design import REALS
 
 
 def main() -> int:
-    """Measure and print; exit code 2 without the tools."""
+    """Measure and print; nothing without the tools."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="also into the page")
-    is_written = parser.parse_args().write
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these components, all outputs")
+    given = parser.parse_args()
     if missing := missing_tools():
-        print(f"{', '.join(missing)} not found. Install them.", file=sys.stderr)
-        return 2
-    lines = []
-    for row in ROWS:
-        lines.append(line(row, {board: measured(row, board) for board in BOARDS}))
-        print(lines[-1], flush=True)
-    if is_written:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-        PAGE.write_text(before + BEGIN + table(lines) + END + rest.partition(END)[2], encoding="utf-8")
+        print(f"{', '.join(missing)} not found: nothing was measured. Install them.")
+        return 2 if given.write else 0
+    every = [row._replace(real=real) for row in EVERY for real in REALS]
+    if given.only:
+        show(HEAD_OF_ALL, (row for row in every if row.record().folder.name in given.only), MACHINES, line_of_all)
+        return 0
+    found = {BEGIN: show(HEAD, ROWS, BOARDS, line), BEGIN_OF_ALL: show(HEAD_OF_ALL, every, MACHINES, line_of_all)}
+    for begin, text in found.items() if given.write else ():
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(begin)
+        PAGE.write_text(before + begin + text + END + rest.partition(END)[2], encoding="utf-8")
     return 0
+
+
+def show(head: str, rows: Iterable[Row], boards: Iterable[str], cells: Callable[..., str]) -> str:
+    """A table, printed row by row as it is measured."""
+    print(table(head, []), end="")
+    lines = []
+    for row in rows:
+        lines.append(cells(row, {board: measured(row, board) for board in boards}))
+        print(lines[-1], flush=True)
+    return table(head, lines)
 
 
 if __name__ == "__main__":

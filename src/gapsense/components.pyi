@@ -714,6 +714,8 @@ class Ertss(Runnable):
         Largest root mean square of the current error at rest, in stationary deviations.
     contact_debounce : float [s], at least 0, by default 0.0002
         A mover that leaves its stop and is back in this time has bounced.
+    motion_memory : float, 2 to 1024, by default 1024.0
+        Samples of a motion that are kept, the last ones; exported C has memory for no more.
 
     Inputs of run and step
     ----------------------
@@ -827,6 +829,7 @@ class Ertss(Runnable):
         health_limit: float = ...,
         health_current_error: float = ...,
         contact_debounce: float = ...,
+        motion_memory: float = ...,
     ) -> None: ...
     def run(  # type: ignore[override]
         self,

@@ -9,15 +9,19 @@ from c_code import run
 from valve_signals import T_S
 
 from gapsense.estimators import ertss
+from gapsense.estimators.motions import LENGTH
 from gapsense.kernels.layout import names
 
 SHOWN = ("position", "velocity", "flux_linkage", "position_std", "velocity_std")
 
 
-def stepped(voltage: Any, current: Any, mode: Any, par: Any, debounce: float = 0.0) -> dict[str, np.ndarray]:
+def stepped(
+    voltage: Any, current: Any, mode: Any, par: Any, debounce: float = 0.0, memory: float = LENGTH
+) -> dict[str, np.ndarray]:
     """Outputs at samples 0, T_s, 2 T_s, ... for parameters of the filter."""
     columns = (np.arange(len(mode)) * T_S, voltage, current, mode, np.zeros(len(mode)))  # no resistance is wired
-    return dict(zip(names(ertss.Outputs), run(ertss, np.column_stack(columns), ertss.Parameters(par, debounce)).T))
+    found = run(ertss, np.column_stack(columns), ertss.Parameters(par, debounce, memory))
+    return dict(zip(names(ertss.Outputs), found.T))
 
 
 def published(found: dict[str, np.ndarray]) -> np.ndarray:

@@ -128,14 +128,17 @@ def test_a_motion_that_was_not_seen_to_take_off_is_none() -> None:
     assert_published(found, record.smoothed, np.arange(40, 60))
 
 
-def published_once(times: list[tuple[int, int]], debounce: int) -> None:
-    """Times in motion and at rest by turns: every motion is published once and in order, as the record has it."""
+def published_once(times: list[tuple[int, int]], debounce: int, memory: int = LENGTH) -> None:
+    """Times in motion and at rest by turns: every motion is published once and in order, as the record has it.
+
+    Of a motion of more samples than the memory is for these are the last ones; its landing and speed are those of all.
+    """
     runs = [(3.0, 4), *chain(*(zip((2.0, 1.0 if k % 3 else 3.0), pair) for k, pair in enumerate(times)))]
     mode = np.concatenate([*(np.full(length, q) for q, length in runs), np.full(3 * LENGTH, 1.0)])
     wave = 5.0 * np.sin(0.05 * np.arange(mode.size))
-    found = stepped(wave, 0.01 * wave, mode, exact(), debounce * T_S)
+    found = stepped(wave, 0.01 * wave, mode, exact(), debounce * T_S, memory)
     record = smooth_record(wave, 0.01 * wave, mode, exact(), debounce * T_S)
-    samples = [np.arange(max(a, b - LENGTH), b) for a, b in motions(mode, debounce)]
+    samples = [np.arange(max(a, b - memory), b) for a, b in motions(mode, debounce)]
     assert_published(found, record.smoothed, np.concatenate([np.zeros(0, int), *samples]))
     if record.operations:
         told = {name: getattr(record.operations[-1], name) for name in OPERATION}
@@ -146,9 +149,11 @@ lengths = st.one_of(st.integers(1, 4), st.integers(1, 60))
 
 
 @settings(max_examples=12)
-@given(st.lists(st.tuples(lengths, lengths), max_size=12), st.integers(0, 6))
-def test_every_motion_is_published_once_and_in_order(times: list[tuple[int, int]], debounce: int) -> None:
-    published_once(times, debounce)
+@given(st.lists(st.tuples(lengths, lengths), max_size=12), st.integers(0, 6), st.sampled_from((2, 7, 30, LENGTH)))
+def test_every_motion_is_published_once_and_in_order(
+    times: list[tuple[int, int]], debounce: int, memory: int
+) -> None:  # fmt: skip
+    published_once(times, debounce, memory)
 
 
 @pytest.mark.parametrize(
@@ -162,3 +167,8 @@ def test_every_motion_is_published_once_and_in_order(times: list[tuple[int, int]
 )
 def test_no_crowd_of_motions_is_too_dense(times: list[tuple[int, int]]) -> None:
     published_once(times, 0)
+
+
+@pytest.mark.parametrize("memory", [2, 3, 31])
+def test_nor_for_less_memory(memory: int) -> None:
+    published_once([(memory, 1), *repeat((1, 1), memory), (memory, 1), (memory + 9, 1), *repeat((1, 1), 9)], 0, memory)

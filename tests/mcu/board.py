@@ -1,4 +1,4 @@
-"""Exported components built for a Cortex-M3 and a Cortex-M4F, and run under QEMU."""
+"""Exported components built for a Cortex-M3, M4F or M7, and run under QEMU."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ BOARDS = {
     "Cortex-M3": Board("mps2-an385", ("-mcpu=cortex-m3",)),
     "Cortex-M4F": Board("mps2-an386", ("-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")),
 }
+EVERY = {**BOARDS, "Cortex-M7": Board("mps2-an500", ("-mcpu=cortex-m7", "-mfloat-abi=hard", "-mfpu=fpv5-d16"))}
 
 
 class Cost(NamedTuple):
@@ -56,11 +57,11 @@ def cost(design: Design, rows: Sequence[Sequence[float]], board: str, folder: Pa
     """Build a component, let it run over a record of its inputs, and measure."""
     export([design], folder)
     (folder / "data.h").write_text(data(design, rows))
-    program = build(design, folder, BOARDS[board], optimise, HERE / "measure.c", ("-I", str(folder)))
-    lines = [line.split() for line in run(program, BOARDS[board]).splitlines()]
+    program = build(design, folder, EVERY[board], optimise, HERE / "measure.c", ("-I", str(folder)))
+    lines = [line.split() for line in run(program, EVERY[board]).splitlines()]
     found = {line[0]: float(line[1]) for line in lines if len(line) == 2}
     errors = {line[1]: (float(line[2]), float(line[3])) for line in lines if line[0] == "output"}
-    flash = _flash(design, folder, BOARDS[board], optimise)
+    flash = _flash(design, folder, EVERY[board], optimise)
     return Cost(
         mean=found["mean"],
         median=found["median"],
@@ -75,13 +76,18 @@ def cost(design: Design, rows: Sequence[Sequence[float]], board: str, folder: Pa
 def build(
     design: Design, folder: Path, board: Board, optimise: str, main: Path, more: Sequence[str] = ()
 ) -> Path:  # fmt: skip
-    """The program of a main and a component."""
-    program = folder / f"{main.stem}.elf"
-    files = [folder / "cortex_m" / "start.c", folder / f"{design.name}.c", main]
-    command = ["arm-none-eabi-gcc", *COMMON, optimise, *board.flags, *LINK, *more]
-    command += ["-T", str(folder / "cortex_m" / "link.ld"), *map(str, files), "-lm", "-o", str(program)]
-    subprocess.run(command, check=True, capture_output=True, text=True)
+    """The program of a main and a component, which is compiled once for each board."""
+    program, component = folder / f"{main.stem}.elf", folder / f"{design.name}-{board.machine}.o"
+    compiler = ["arm-none-eabi-gcc", *COMMON, optimise, *board.flags]
+    if not component.exists():
+        _do(*compiler, "-c", folder / f"{design.name}.c", "-o", component)
+    files = [folder / "cortex_m" / "start.c", component, main]
+    _do(*compiler, *LINK, *more, "-T", folder / "cortex_m" / "link.ld", *files, "-lm", "-o", program)
     return program
+
+
+def _do(*command: object) -> None:
+    subprocess.run([str(word) for word in command], check=True, capture_output=True, text=True)
 
 
 def run(program: Path, board: Board) -> str:

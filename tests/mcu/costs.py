@@ -1,23 +1,30 @@
-"""What exported components take on microcontrollers: the rows of the table in docs/microcontrollers.md."""
+"""What exported components take on microcontrollers: the rows of the tables in docs/microcontrollers.md."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from board import BOARDS, Cost, cost
+from board import EVERY as MACHINES
 from host import ROOT
 
 from gapsense.embedded.design import Design, designed
-from records import in_scenario
+from records import Given, in_scenario
 
 PAGE = ROOT / "docs" / "microcontrollers.md"
-BEGIN, END = "<!-- measured by benchmarks/mcu.py -->\n", "<!-- end -->\n"
+BEGIN, BEGIN_OF_ALL, END = "<!-- measured by benchmarks/mcu.py -->\n", "<!-- so is this -->\n", "<!-- end -->\n"
 FOUR = ("resistance", "inductance", "flux_linkage", "quality")
 HEAD = (
     "| component | outputs | M3: instructions, mean and most | flash | M4F: instructions, mean and most | flash | RAM |"
     " stack | largest error of float |"
+)
+
+
+HEAD_OF_ALL = (
+    "| component | numbers | M3: mean and most | M4F: mean and most | M7: mean and most | RAM | flash | stack |"
 )
 
 
@@ -30,6 +37,13 @@ class Row(NamedTuple):
     is_baked: bool = False
     watched: str = "flux_linkage"  # output whose error is shown
     is_lean: bool = False
+    given: tuple[tuple[str, float], ...] = ()  # parameters that are other than in the scenario
+    variant: str | None = None
+    real: str = "float"
+
+    def record(self) -> Given:
+        """What it gets in its scenario."""
+        return in_scenario(self.scenario, self.part, variant=self.variant)
 
 
 ROWS = (
@@ -43,31 +57,59 @@ ROWS = (
     Row("estimators", "hybrid_ekf", ("position", "mode"), True, "position"),
     Row("estimators", "bounded_ukf", ("position", "flux_linkage"), True, "position"),
     Row("estimators", "ertss", ("position", "smoothed_position", "smoothed_published"), True, "position"),
+    Row(
+        "estimators",
+        "ertss",
+        ("position", "smoothed_position", "smoothed_published"),
+        True,
+        "smoothed_position",
+        given=(("motion.memory", 208.0),),
+    ),
     Row("estimators", "mhe", ("position", "resistance", "flux_linkage"), True, "position"),
+)
+EVERY = (  # a row for each component, with all outputs
+    Row("estimators", "bounded_ukf"),
+    Row("estimators", "drive"),
+    Row("estimators", "ekf"),
+    Row("estimators", "ertss"),
+    Row("estimators", "hybrid_ekf"),
+    Row("semera_valve", "integral"),
+    Row("estimators", "mhe"),
+    Row("condition", "monitor"),
+    Row("estimators", "actuator", variant="other_physics"),
+    Row("pot_magnet", "magnet"),
+    Row("power_stage", "stage"),
+    Row("estimators", "actuator"),
+    Row("run_to_run", "controller", variant="model"),
+    Row("semera_valve", "semera"),
+    Row("estimators", "sensor"),
+    Row("semera_valve", "valve"),
+    Row("lifting_magnet", "magnet"),
 )
 
 
 def design_of(row: Row) -> Design:
     """What is exported."""
-    given = in_scenario(row.scenario, row.part)
-    return designed(given.folder, "float", row.outputs, given.values, row.is_baked, row.is_lean)
+    found = row.record()
+    values = {**found.values, **dict(row.given)}
+    return designed(found.folder, row.real, row.outputs, values, row.is_baked, row.is_lean)
 
 
 def measured(row: Row, board: str) -> Cost:
-    """What a row takes on a board, in float."""
+    """What a row takes on a board."""
     with tempfile.TemporaryDirectory() as folder:
-        return cost(design_of(row), in_scenario(row.scenario, row.part).rows, board, Path(folder))
+        return cost(design_of(row), row.record().rows, board, Path(folder))
 
 
-def line(row: Row, costs: dict[str, Cost]) -> str:
-    """A row of the table."""
+def line(row: Row, costs: Mapping[str, Cost]) -> str:
+    """A row of the first table."""
     m3, m4 = (costs[board] for board in BOARDS)
     error, largest = m4.errors[row.watched]
-    what = ", ".join(row.outputs) or "all"
+    given = "".join(f", `{name}` {value:,.0f}" for name, value in row.given)
     cells = [
-        f"`{in_scenario(row.scenario, row.part).folder.name}`{', baked' * row.is_baked}{', lean' * row.is_lean}",
-        what,
-        *(cell for c in (m3, m4) for cell in (f"{c.mean:,.0f}, {c.most:,.0f}", f"{c.flash:,}")),
+        f"`{row.record().folder.name}`{', baked' * row.is_baked}{', lean' * row.is_lean}{given}",
+        ", ".join(row.outputs) or "all",
+        *(cell for c in (m3, m4) for cell in (_instructions(c), f"{c.flash:,}")),
         f"{m4.memory:,}",
         f"{max(m3.stack, m4.stack):,}",
         f"{row.watched} {error:.1e} of {largest:.2g}",
@@ -75,6 +117,24 @@ def line(row: Row, costs: dict[str, Cost]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def table(lines: list[str]) -> str:
-    """The table of the page."""
-    return "\n".join([HEAD, "| --- " * (HEAD.count("|") - 1) + "|", *lines, ""])
+def _instructions(one: Cost) -> str:
+    return f"{one.mean:,.0f}, {one.most:,.0f}"
+
+
+def line_of_all(row: Row, costs: Mapping[str, Cost]) -> str:
+    """A row of the second table."""
+    last = costs["Cortex-M7"]
+    cells = [
+        f"`{row.record().folder.name}`",
+        row.real,
+        *(_instructions(costs[board]) for board in MACHINES),
+        f"{last.memory:,}",
+        f"{max(one.flash for one in costs.values()):,}",
+        f"{max(one.stack for one in costs.values()):,}",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def table(head: str, lines: Sequence[str]) -> str:
+    """A table of the page."""
+    return "\n".join([head, "| --- " * (head.count("|") - 1) + "|", *lines, ""])

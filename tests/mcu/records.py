@@ -25,16 +25,20 @@ class Given(NamedTuple):
 
 
 @cache
-def in_scenario(scenario: str, name: str, most: int = 2000) -> Given:
+def in_scenario(scenario: str, name: str, most: int = 2000, variant: str | None = None) -> Given:
     """What the component `name` gets, rounded to float, at no more than so many samples."""
-    read, descriptions = cosim.prepare(ROOT / "scenarios" / scenario)
-    part = read.components[name]
+    read, descriptions = cosim.prepare(ROOT / "scenarios" / scenario, variant)
+    part, base = read.components[name], read.experiment.base_step
+    count = min(read.experiment.count, most * part.step + part.offset)
+    read = replace(
+        read, experiment=replace(read.experiment, stop=read.experiment.start + count * base, count=count), events={}
+    )
     folder = next(f for f in find_components(ROOT / "fmus") if load_component(f).name == part.fmu)
     ports = {port.field: port.name for port in load_component(folder).of("input")}
     record = Record(tuple(f"{name}.{port}" for port in ports.values()), 1)
     with cosim.Master(replace(read, record=record, metrics=()), descriptions) as master:
         result = cosim.run_once(master)
-    step = part.step * read.experiment.base_step
+    step = part.step * base
     clock = {"time": result.times, "dt": np.full(len(result.times), step)}
     fields = kernel_of(load_component(folder)).module.Inputs._fields
     columns = [clock[f] if f in clock else result[f"{name}.{ports[f]}"] for f in fields]

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from board import BOARDS, Cost, build, cost, expected, missing_tools, run
-from costs import BEGIN, END, FOUR, PAGE, ROWS, Row, design_of, line, measured
+from costs import BEGIN, BEGIN_OF_ALL, END, FOUR, PAGE, ROWS, Row, design_of, line, measured
+from costs import EVERY as EVERY_ROW
 from host import ROOT, played
 from servo import served
 
@@ -52,9 +53,19 @@ def test_page_tells_what_is_measured(found: tuple[Row, dict[str, Cost]]) -> None
         assert abs(new - old) <= NEAR * old, f"{text}\nis\n{told[0]}\nin {PAGE.name}."
 
 
-def numbers(text: str) -> list[float]:
+def numbers(text: str, cells: slice = slice(3, 9)) -> list[float]:
     """Instructions, flash, RAM and stack of a row."""
-    return [float(word.replace(",", "")) for cell in text.split("|")[3:9] for word in cell.replace(", ", " ").split()]
+    return [float(word.replace(",", "")) for cell in text.split("|")[cells] for word in cell.replace(", ", " ").split()]
+
+
+@pytest.mark.parametrize("part", ["drive", "stage", "sensor"])
+def test_so_does_the_table_of_all_components(part: str) -> None:
+    row = next(row for row in EVERY_ROW if row.part == part)
+    found, page = measured(row, "Cortex-M7"), PAGE.read_text(encoding="utf-8").partition(BEGIN_OF_ALL)[2]
+    told = next(text for text in page.splitlines() if text.startswith(f"| `{row.record().folder.name}` | float |"))
+    mean, most = numbers(told, slice(5, 6))
+    assert found.mean == pytest.approx(mean, rel=NEAR) and found.most == pytest.approx(most, rel=NEAR)
+    assert f"| {found.memory:,} |" in told
 
 
 def test_readme_tells_the_memory(found: tuple[Row, dict[str, Cost]]) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import random
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -11,7 +13,7 @@ import numpy as np
 import pytest
 from host import ROOT, compile_, expected, played
 
-from gapsense.embedded.design import Design, designed
+from gapsense.embedded.design import REALS, Design, designed
 from gapsense.embedded.export import check_memory, export, memory, written
 from gapsense.fmi.components import find_components, load_component
 from gapsense.problems import InputError
@@ -159,3 +161,21 @@ def test_comments_have_units_ranges_and_the_lines_of_the_kernel() -> None:
 
 def test_the_same_design_gives_the_same_files() -> None:
     assert written([designed(FOLDERS["ekf"])]) == written([designed(FOLDERS["ekf"])])
+
+
+def test_page_has_a_row_of_every_component_in_float_and_double() -> None:
+    page = (ROOT / "docs" / "microcontrollers.md").read_text(encoding="utf-8").partition("<!-- so is this -->")[2]
+    rows = re.findall(r"^\| `(\w+)` \| (float|double) \|", page, re.MULTILINE)
+    assert sorted(rows) == sorted(itertools.product(FOLDERS, REALS))
+
+
+def test_memory_is_in_proportion_to_its_parameter() -> None:
+    """That a smaller memory is enough is seen on a board: `motion.memory` among the rows of costs.py."""
+    less, every = (designed(FOLDERS["ertss"], given={"motion.memory": n}) for n in (25.0, 1024.0))
+    assert less.memories() == {"waiting": 112, "samples": 1725} and memory(less) < 10_000 < 300_000 < memory(every)
+    text = written([less])
+    assert "float samples[1725];" in text["ertss.h"] and "k < 1725" in text["ertss.c"]
+    assert "within(" in text["ertss.c"] and "70656" not in text["ertss.c"]
+    assert "7,350 bytes are for `motion.memory` = 25" in text["README.md"]
+    with pytest.raises(InputError, match=r"`--set motion.memory=\d+`"):
+        check_memory([every], 64_000)

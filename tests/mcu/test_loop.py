@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import socket
+import struct
 import subprocess
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -18,7 +22,7 @@ from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.cosim import Checkpoint, FmuError, Result, check, prepare, read_result, run
-from gapsense.cosim.fmu.line import decoded, encoded
+from gapsense.cosim.fmu.line import decoded, encoded, wrong_program
 from gapsense.cosim.run.recording import Subject
 from gapsense.embedded.design import designed
 from gapsense.embedded.export import export
@@ -220,6 +224,7 @@ def test_an_output_that_is_missing_and_read_is_told(write: Writer, fmus: Path, t
     [
         ("usb:1", "`qemu:<machine>`, `serial:<device>[:<baud>]` or `tcp:<host>:<port>` expected"),
         ("tcp:localhost", "a port at its end expected"),
+        ("tcp:localhost:99999", "a port at its end expected"),
         ("qemu:mps2-an386", "QEMU needs a file"),
         ('qemu:mps2-an386"\nfirmware = "no.elf', "there is no file"),
         ('serial:/dev/null"\nfirmware = "no.elf', "QEMU alone loads it"),
@@ -229,6 +234,57 @@ def test_an_output_that_is_missing_and_read_is_told(write: Writer, fmus: Path, t
 def test_check_finds_what_is_wrong_with_a_board(board: str, words: str, write: Writer, fmus: Path) -> None:
     problems = check(write(board), fmus=fmus)
     assert len(problems) == 2 and all(words in problem and "components.s" in problem for problem in problems)
+
+
+@pytest.mark.parametrize("content", [b"", b"/* main.c */", b"\x7fELF\x01" + bytes(60)], ids=len)
+def test_a_firmware_that_is_none_is_found(content: bytes, write: Writer, fmus: Path, tmp_path: Path) -> None:
+    """QEMU loads anything, and dies with a page of registers or does nothing."""
+    (tmp_path / "no.elf").write_bytes(content)
+    problems = check(write(f'qemu:mps2-an386"\nfirmware = "{tmp_path / "no.elf"}'), fmus=fmus)
+    assert len(problems) == 2 and all("is no ELF file for 32-bit Arm. Build it" in problem for problem in problems)
+
+
+def test_a_firmware_that_is_cut_off_is_found(tmp_path: Path) -> None:
+    whole = struct.pack("<5s13xH8xI10xHH8x", b"\x7fELF\x01", 40, 52, 32, 1) + struct.pack("<4xI8xI12x", 84, 9)
+    for end, words in ((93, ""), (92, "ends after 92 bytes"), (60, "ends after 60 bytes")):
+        (tmp_path / "a.elf").write_bytes((whole + bytes(9))[:end])
+        assert wrong_program(tmp_path / "a.elf").startswith(words) and bool(words) == (end < 93)
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        (lambda heard: heard, "answers with 0 bytes, 28 expected"),
+        (lambda heard: bytes(1 << 16), "tried 5 times within .* no answer"),
+        (lambda heard: b"\1" * (1 << 16), "tried 5 times within .* no answer"),
+        (lambda heard: b"HTTP/1.1 400 Bad Request\r\n\r\n\0", "tried 5 times within .* answer damaged"),
+    ],
+    ids=["echo", "zeros", "ones", "other"],
+)
+def test_what_listens_and_is_no_board_is_told(
+    said: Callable[[bytes], bytes], words: str, write: Writer, fmus: Path
+) -> None:
+    """An endless answer was waited for for ever; an echo was an error of `struct`."""
+    listening = socket.create_server(("127.0.0.1", 0))
+
+    def answer() -> None:
+        line = listening.accept()[0]
+        with suppress(OSError):
+            while heard := line.recv(4096):
+                for _ in range(1 if len(said(heard)) < 4096 else 10_000):
+                    line.sendall(said(heard))
+
+    Thread(target=answer, daemon=True).start()
+    place = f"tcp:127.0.0.1:{listening.getsockname()[1]}"
+    with listening, pytest.raises(FmuError, match=words + r".*It needs the program of `export-c --loop`\."):
+        run(write(place), fmus=fmus, step_limit=0.4)
+
+
+def test_firmware_of_a_variant_may_be_built_later(fmus: Path) -> None:
+    scenario = ROOT / "scenarios" / "firmware"
+    assert check(scenario, fmus=fmus) == []
+    problems = check(scenario, "board", fmus)
+    assert len(problems) == 2 and all("there is no file" in problem and "`make`" in problem for problem in problems)
 
 
 def test_a_board_that_is_not_there_is_told(write: Writer, fmus: Path, tmp_path: Path) -> None:

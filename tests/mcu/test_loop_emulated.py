@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -67,6 +68,15 @@ def target(folder: Path, cpu: str) -> Path:
     done = subprocess.run(["make", "-C", str(folder), f"CPU={cpu}"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     return file
+
+
+def test_a_part_without_room_for_a_stack_is_told_by_make(tmp_path: Path) -> None:
+    folder = exported(tmp_path, ["semera"], "float")
+    for size, words in (("8K", "no room for 4096 bytes of stack"), ("16K", "")):
+        link = folder / "cortex_m" / "link.ld"
+        link.write_text(re.sub(r"(RAM .*LENGTH =) \w+", rf"\1 {size}", link.read_text()))
+        done = subprocess.run(["make", "-C", str(folder)], capture_output=True, text=True, check=False)
+        assert (done.returncode != 0) == bool(words) and words in done.stderr
 
 
 def test_a_valve_lands_softly_with_both_on_one_board(firmware: dict[str, Path], natives: Path) -> None:

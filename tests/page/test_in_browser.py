@@ -19,7 +19,9 @@ from gapsense.page.page import write_page
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("zig")]
 ROOT = Path(__file__).resolve().parents[2]
-SCENARIOS = sorted(f.parent for f in ROOT.glob("scenarios/*/scenario.toml"))
+SCENARIOS = sorted(
+    f.parent for f in ROOT.glob("scenarios/*/scenario.toml") if f.parent.name != "firmware"
+)  # run_to_run
 WITH_EVENTS = [  # variants that have events
     (folder, name)
     for folder in SCENARIOS

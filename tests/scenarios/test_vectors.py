@@ -27,8 +27,13 @@ QUICK = [
     ("soft_landing", None),
     ("run_to_run", "half"),
 ]
-LONG = ("run_to_run_day",)
-EVERY = [(p.parent.name, v) for p in sorted(SCENARIOS.rglob("scenario.toml")) for v in (None, *load(p).variants)]
+LONG = ("run_to_run_day", "firmware")
+EVERY = [
+    (p.parent.name, v)
+    for p in sorted(SCENARIOS.rglob("scenario.toml"))
+    for v in (None, *load(p).variants)
+    if not any(component.board for component in load(p, v).components.values())  # which are no vectors
+]
 VALVE = """
 title = "Valves of which each has other parameters, and to which other things happen"
 [experiment]

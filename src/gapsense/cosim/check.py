@@ -27,7 +27,7 @@ from gapsense.cosim.fmu.descriptions import (
     find_fmu,
     mended,
 )
-from gapsense.cosim.fmu.line import wrong_board
+from gapsense.cosim.fmu.line import absent, wrong_board
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, varied
@@ -71,7 +71,8 @@ def check(scenario: Source, variant: str | None = None, fmus: str | Path | None 
     scenario : str, Path or Document
         Scenario file, its folder, or its content.
     variant : str, optional
-        Variant to check; by default the scenario as it is and then every variant.
+        Variant to check; by default the scenario as it is and then every variant, which may have boards whose firmware
+        is still to be built.
     fmus : str or Path, optional
         Folder of the FMUs, as in `run`.
 
@@ -83,7 +84,7 @@ def check(scenario: Source, variant: str | None = None, fmus: str | Path | None 
     problems, read = inspect(scenario, variant, fmus)[:2]
     if variant is None and read is not None:
         for name in read.variants:
-            more = [f"variant {name}: {p}" for p in inspect(scenario, name, fmus)[0] if p not in problems]
+            more = [f"variant {name}: {p}" for p in inspect(scenario, name, fmus, False)[0] if p not in problems]
             problems = problems + more
     return problems
 
@@ -91,26 +92,29 @@ def check(scenario: Source, variant: str | None = None, fmus: str | Path | None 
 def remarks(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
     """Sentences on what falls between the steps of a scenario without problems, as in `check`; it can be run."""
     sources = [variant] if variant else [None, *load(scenario).variants]
-    found = {name: on_grid(*prepare(scenario, name, fmus)) for name in sources}
+    found = {name: on_grid(*prepare(scenario, name, fmus, bool(variant))) for name in sources}
     base = found[sources[0]]
     more = (f"variant {name}: {said}" for name, own in found.items() for said in own if name and said not in base)
     return base if variant else [*base, *more]
 
 
 def prepare(
-    scenario: Source, variant: str | None = None, fmus: str | Path | None = None
+    scenario: Source, variant: str | None = None, fmus: str | Path | None = None, to_run: bool = True
 ) -> tuple[Scenario, dict[str, Description]]:
     """Scenario and model descriptions, checked; raises ScenarioError with all problems of both."""
-    problems, read, descriptions = inspect(scenario, variant, fmus)
+    problems, read, descriptions = inspect(scenario, variant, fmus, to_run)
     if problems or read is None:
         raise ScenarioError(problems)
     return read, descriptions
 
 
 def inspect(
-    scenario: Source, variant: str | None, fmus: str | Path | None
+    scenario: Source, variant: str | None, fmus: str | Path | None, to_run: bool = True
 ) -> tuple[list[str], Scenario | None, dict[str, Description]]:
-    """Problems of file and FMUs together, the scenario as far as it could be read, and the model descriptions."""
+    """Problems of file and FMUs together, the scenario as far as it could be read, and the model descriptions.
+
+    What is `to_run` needs the firmware of its boards.
+    """
     draft = read_draft(scenario, variant)
     if draft.scenario is None:
         return draft.problems, None, {}
@@ -119,6 +123,9 @@ def inspect(
     descriptions = read_descriptions(draft.scenario, folder, problems)
     read = taken(draft.scenario, descriptions)
     problems += check_scenario(read, descriptions, draft.broken)
+    for name, component in read.components.items() if to_run else ():
+        if problem := absent(component.board, component.firmware):
+            problems.append(f"{read.path.name}, components.{name}.{problem}")
     return problems, read, descriptions
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,8 +37,16 @@ class Design(NamedTuple):
 
     def memories(self) -> dict[str, int]:
         """Numbers of every array memory of the state, no more than are used."""
-        kept = [(name, at) for name, at in layout(self.kernel.module.State).items() if at.kind == "memory"]
-        return {name: int(self.values[at.used]) if at.used else at.size for name, at in kept}
+        kept = {name: at for name, at in layout(self.kernel.module.State).items() if at.kind == "memory"}
+        return {
+            name: int(int(self.values[at.used]) * self.per(name)) if at.used else at.size for name, at in kept.items()
+        }
+
+    def per(self, memory: str) -> Fraction:
+        """Numbers of an array memory for each unit of the parameter that says how many are used."""
+        at = layout(self.kernel.module.State)[memory]
+        start = next(port.start for port in self.component.of("parameter") if port.field == at.used)
+        return Fraction(at.size, int(start))
 
 
 def designed(

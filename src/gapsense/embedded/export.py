@@ -99,6 +99,7 @@ FUNCTIONS = {  # what they take and change, and what is said of them
     ),
 }
 STACK = 4096  # bytes of RAM that are left for it
+LOOP = 6144  # bytes of RAM of the program of a board in the loop and its libraries, at most
 LINK, ANY_RAM = "cortex_m/link.ld", "LENGTH = 4M\n}"
 CORTEX_M = Path(__file__).with_name("cortex_m")
 MARK = re.compile(r"(Made|Exported)\s+by\s+Gapsense")  # in every file but those of a board, which users change
@@ -111,7 +112,7 @@ def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: 
     """
     texts = {**written(designs), **(loop_files(designs) if in_loop else {})}
     if ram:
-        check_memory(designs, ram)
+        check_memory(designs, ram, in_loop)
         texts[LINK] = texts[LINK].replace(ANY_RAM, f"LENGTH = {ram}\n}}")
     texts["README.md"] += IN_LOOP * in_loop
     keep_foreign({folder / name: text for name, text in texts.items()})
@@ -176,7 +177,7 @@ def _sized(design: Design) -> Iterator[tuple[str, int, int]]:
     for parameter in sizing(design.kernel):
         used = [name for name in design.kept["state"] if name in layout and layout[name].used == parameter]
         name = next(port.name for port in design.component.ports if port.field == parameter)
-        yield name, int(design.values[parameter]), width * len(used)
+        yield name, int(design.values[parameter]), int(width * sum(map(design.per, used)))
 
 
 def _kept(design: Design) -> Iterator[str]:
@@ -188,17 +189,18 @@ def _kept(design: Design) -> Iterator[str]:
         )
 
 
-def check_memory(designs: Sequence[Design], ram: int) -> None:
+def check_memory(designs: Sequence[Design], ram: int, in_loop: bool = False) -> None:
     """Refuse what a part with so many bytes of RAM has no room for, and say what to change."""
-    sizes = {design.name: memory(design) for design in designs}
-    over = sum(sizes.values()) + STACK - ram
+    sizes, others = {design.name: memory(design) for design in designs}, STACK + LOOP * in_loop
+    over = sum(sizes.values()) + others - ram
     known = [each for design in designs for each in _sized(design)]
     ways = [f"`--set {name}={n - math.ceil(over / width)}`" for name, n, width in known if n * width > over]
     if over > 0:
         taken = " + ".join(f"`{name}` {size:,}" for name, size in sizes.items())
+        what = f"bytes of stack{' and loop' * in_loop}"
         raise InputError(
             [
-                f"--ram: {taken} + {STACK:,} bytes of stack are {over:,} more than the {ram:,} that there are. Take "
+                f"--ram: {taken} + {others:,} {what} are {over:,} more than the {ram:,} that there are. Take "
                 f"{' or '.join([*ways, 'fewer `--outputs`', '`--bake`'])}."
             ]
         )

@@ -3,7 +3,7 @@
 [RTS], Section III.  When the mover has landed the samples of its motion are smoothed, one of them with each new sample,
 from the landing back to the take-off; then they are published one by one with their own times.  The speed of the impact
 is known with the landing.  Operations that follow each other fast wait for their turn, and all are published; of a
-motion of more than `LENGTH` samples the last ones.  `motions` says what is a motion and whose turn it is.
+motion of more than `motion.memory` samples the last ones.  `motions` says what is a motion and whose turn it is.
 """
 
 from __future__ import annotations
@@ -15,15 +15,18 @@ from gapsense.estimators.ekf import ROWS as ROWS
 from gapsense.estimators.ekf import Arrays, Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, fix, predict, project, smooth
 from gapsense.estimators.motions import (
+    LENGTH,
     RING,
     Contact,
     Followed,
     Motion,
     Queue,
+    Room,
     Turn,
     follow,
     joined,
     nothing,
+    room_for,
     slot,
     to_keep,
     to_show,
@@ -53,11 +56,18 @@ __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 
 @ports()
 class Parameters(NamedTuple):
-    """Parameters of the filter, and the shortest time away from a stop that counts as a motion."""
+    """Parameters of the filter, the shortest time away from a stop that counts as a motion, and how long one may be."""
 
     filter: ekf.Parameters = ekf.Parameters()
     contact_debounce: Scalar = parameter(
         "s", "A mover that leaves its stop and is back in this time has bounced", 0.2e-3, min=0.0
+    )
+    motion_memory: Scalar = parameter(
+        "1",
+        "Samples of a motion that are kept, the last ones; exported C has memory for no more",
+        float(LENGTH),
+        min=2.0,
+        max=float(LENGTH),
     )
 
 
@@ -113,7 +123,7 @@ class State(NamedTuple):
     last: Operation
     is_doubtful: Scalar  # 1: the last landing may not have been the first impact
     told: kinks.Told
-    samples: Annotated[Array, Memory(SIZE)]
+    samples: Annotated[Array, Memory(SIZE, used="motion_memory")]
 
 
 EKF = same(ekf.Inputs)
@@ -178,30 +188,31 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published if one is."""
-    m, T_s = normalised(par.filter), par.filter.sample_time
+    m, kept = normalised(par.filter), room_for(par.motion_memory)
     filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
     contact = Contact(
         time=inputs.time,
         mode=filtered.mode,
         mode_prev=state.filter.mode,
-        sample_time=T_s,
+        sample_time=par.filter.sample_time,
         debounce=par.contact_debounce,
+        room=kept,
     )
     now = follow(state.motion, contact)
     kink = kinks.sought(state.kink, state.motion, inputs.current, state.filter, filtered, m, par.filter)
     landing = _landing(state, now, kink, contact, filtered, m, par)
     now, estimate = now._replace(motion=now.motion._replace(count=landing.count)), landing.estimate
-    sample = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
-    samples = _stored(state.samples, to_keep(now, contact), sample)
-    queue, turn = to_smooth(joined(state.queue, now, T_s), now)
-    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, tuning(par.filter)), lambda: estimate)
-    samples = _stored(samples, turn, found)
+    new = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
+    samples = _stored(state.samples, to_keep(now, contact), new, kept)
+    queue, turn = to_smooth(joined(state.queue, now, contact), now, kept)
+    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, par, kept), lambda: estimate)
+    samples = _stored(samples, turn, found, kept)
     last = _last(state, now, contact, landing, found, m)
     told = _told(landing, last, found, Estimate(filtered.x, filtered.P), limit(contact.mode), m)
     outputs = outputs._replace(health=readings.worse(outputs.health, readings.IMPACT, landing.is_doubtful))
-    queue, turn, time = to_show(queue, T_s)
+    queue, turn, time = to_show(queue, contact)
     shown = cond(
-        turn.is_due, lambda: physical(Gaussian(*_loaded(samples, turn.place).kept), m), lambda: outputs.estimates
+        turn.is_due, lambda: physical(Gaussian(*_loaded(samples, turn.place, kept).kept), m), lambda: outputs.estimates
     )
     is_published, time = where(turn.is_due, 1.0, 0.0), where(turn.is_due, time, inputs.time)
     return State(
@@ -232,7 +243,7 @@ def _landing(
         )
 
     def kept(count: Scalar) -> Gaussian:
-        return Gaussian(*_loaded(state.samples, motion.place + count).kept)
+        return Gaussian(*_loaded(state.samples, motion.place + count, contact.room).kept)
 
     def judged() -> Landing:
         stop, count = limit(contact.mode), kinks.supposed(kink, motion.count)
@@ -293,11 +304,11 @@ def _last(state: State, now: Followed, contact: Contact, landing: Landing, found
     return cond(now.lands, landed, rested)
 
 
-def _smoothed(samples: Array, place: Scalar, m: Model, tuned: Tuning) -> Estimate:
+def _smoothed(samples: Array, place: Scalar, m: Model, par: Parameters, room: Room) -> Estimate:
     """Smoothed estimate of a sample, from that of the next one."""
-    at, later = _loaded(samples, place), _loaded(samples, place + 1.0)
+    at, later = _loaded(samples, place, room), _loaded(samples, place + 1.0, room)
     held, m = Held(at.held_voltage, 2.0, at.held_hysteresis), m._replace(R=at.held_resistance)
-    return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuned))
+    return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuning(par.filter)))
 
 
 def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: Tuning) -> Gaussian:
@@ -324,11 +335,11 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, turn: Turn, values: Sample | Estimate) -> Array:
+def _stored(samples: Array, turn: Turn, values: Sample | Estimate, room: Room) -> Array:
     """The memory with a sample, or with its estimate, when its turn has come."""
 
     def kept() -> Array:
-        kept, start = samples, slot(turn.place) * WIDTH
+        kept, start = samples, slot(turn.place, room) * WIDTH
         for k, value in enumerate(flat(values)):
             kept = store(kept, start, value, k)
         return kept
@@ -336,10 +347,10 @@ def _stored(samples: Array, turn: Turn, values: Sample | Estimate) -> Array:
     return cond(turn.is_due, kept, lambda: samples)
 
 
-def _loaded(samples: Array, place: Scalar) -> Sample:
-    start = slot(place) * WIDTH
-    sample: Sample = record(Sample, [load(samples, start, k) for k in range(WIDTH)])
-    return sample
+def _loaded(samples: Array, place: Scalar, room: Room) -> Sample:
+    start = slot(place, room) * WIDTH
+    found: Sample = record(Sample, [load(samples, start, k) for k in range(WIDTH)])
+    return found
 
 
 def _shown(estimate: ekf.Estimates) -> Shown:

@@ -6,8 +6,8 @@ debouncing, it was a bounce, however long.  If it was away for no longer than th
 
 Motions wait in the order of their landings, first to be smoothed, then to be published, at one sample per step each.
 With its landing a motion's last sample is smoothed at once, before those that wait.  Then no sample waits for more than
-`RING` steps, however the motions follow each other: each takes at least as many steps as it needs, landings between
-take one step of two, and publishing waits once more for at most `LENGTH`.
+`Room.ring` steps, however the motions follow each other: each takes at least as many steps as it needs, landings
+between take one step of two, and publishing waits once more for at most `Room.length`.
 """
 
 from __future__ import annotations
@@ -18,10 +18,24 @@ from gapsense.estimators.reduced_model import is_moving, limit
 from gapsense.kernels.layout import COUNT, Array, Count, Memory, Scalar, Whole, zeros
 from gapsense.kernels.trace import cond, floor, load, not_, store, where
 
-LENGTH = 1024  # samples of a motion that are kept, the last ones
-RING = 3 * LENGTH  # samples that are kept of all motions, each with the one that it lands with
+LENGTH = 1024  # samples of a motion that are kept, at most
+RING = 3 * LENGTH  # samples of all motions, each with the one that it lands with
 QUEUE = RING // 2  # motions that may wait: each takes a sample at least, and one at rest
 ENTRY = 3  # numbers of a motion that waits: place of its first sample kept, samples kept, time of the sample before
+
+
+class Room(NamedTuple):
+    """What of the memory is used."""
+
+    length: Scalar  # samples of a motion that are kept, the last ones
+    ring: Scalar
+    queue: Scalar
+
+
+def room_for(length: Scalar) -> Room:
+    """Room for motions of so many samples."""
+    ring = 3.0 * floor(length)
+    return Room(length=floor(length), ring=ring, queue=floor(0.5 * ring))
 
 
 class Contact(NamedTuple):
@@ -32,6 +46,7 @@ class Contact(NamedTuple):
     mode_prev: Scalar
     sample_time: Scalar  # [s]
     debounce: Scalar  # [s]
+    room: Room
 
 
 class Motion(NamedTuple):
@@ -62,7 +77,7 @@ class Queue(NamedTuple):
     samples_smoothed: Annotated[Scalar, Whole(0, LENGTH)]  # of the next one; its last sample was with its landing
     shown: Annotated[Scalar, Count]  # how many are published
     samples_shown: Annotated[Scalar, Whole(0, LENGTH)]  # of the next one
-    waiting: Annotated[Array, Memory(QUEUE * ENTRY, (COUNT, (0, LENGTH), None))]
+    waiting: Annotated[Array, Memory(QUEUE * ENTRY, (COUNT, (0, LENGTH), None), used="motion_memory")]
 
 
 class Turn(NamedTuple):
@@ -79,12 +94,12 @@ def nothing(time: Scalar) -> tuple[Motion, Queue]:
     )
 
 
-def slot(place: Scalar) -> Scalar:
+def slot(place: Scalar, room: Room) -> Scalar:
     """Index in the memory of samples."""
-    return _within(place, RING)
+    return _within(place, room.ring)
 
 
-def _within(number: Scalar, size: int) -> Scalar:
+def _within(number: Scalar, size: Scalar) -> Scalar:
     return number - size * floor(number / size)
 
 
@@ -98,7 +113,7 @@ def follow(motion: Motion, c: Contact) -> Followed:
     grown = where(moves & (motion.count > 0.0), motion.count + 1.0, motion.count)
     after = motion.place + where(motion.count > 0.0, motion.count + 1.0, 0.0)  # the sample of the landing is kept too
     found = Motion(
-        place=where(takes_off, slot(after), motion.place),
+        place=where(takes_off, slot(after, c.room), motion.place),
         count=where(takes_off, 1.0, where(is_bounce | is_glitch, 0.0, grown)),
         start=where(takes_off, c.time - c.sample_time, motion.start),
         stop=where(takes_off, limit(c.mode_prev), motion.stop),
@@ -114,25 +129,25 @@ def to_keep(now: Followed, c: Contact) -> Turn:
     return Turn(moves | lands, motion.place + motion.count - where(lands, 0.0, 1.0))
 
 
-def joined(queue: Queue, now: Followed, T_s: Scalar) -> Queue:
-    """The queue with the motion, if it lands: with its last `LENGTH` samples."""
+def joined(queue: Queue, now: Followed, c: Contact) -> Queue:
+    """The queue with the motion, if it lands: with as many of its last samples as there is room for."""
     motion, lands, _ = now
 
     def landed() -> Queue:
-        kept = where(motion.count > LENGTH, LENGTH, motion.count)
+        kept = where(motion.count > c.room.length, c.room.length, motion.count)
         lost = motion.count - kept
-        row, waiting = _within(queue.landed, QUEUE) * ENTRY, queue.waiting
-        for k, value in enumerate((motion.place + lost, kept, motion.start + lost * T_s)):
+        row, waiting = _within(queue.landed, c.room.queue) * ENTRY, queue.waiting
+        for k, value in enumerate((motion.place + lost, kept, motion.start + lost * c.sample_time)):
             waiting = store(waiting, row, value, k)
         return queue._replace(landed=queue.landed + 1.0, waiting=waiting)
 
     return cond(lands, landed, lambda: queue)
 
 
-def to_smooth(queue: Queue, now: Followed) -> tuple[Queue, Turn]:
+def to_smooth(queue: Queue, now: Followed, room: Room) -> tuple[Queue, Turn]:
     """The last sample of a motion that lands, else that with which the motion in turn goes on."""
     motion, lands, _ = now
-    place, kept, _ = _entry(queue, queue.smoothed)
+    place, kept, _ = _entry(queue, queue.smoothed, room)
     done = queue.samples_smoothed
     goes_on = (queue.smoothed < queue.landed) & (done < kept) & not_(lands)
     turn = Turn(lands | goes_on, where(lands, motion.place + motion.count - 1.0, place + kept - done - 1.0))
@@ -142,18 +157,18 @@ def to_smooth(queue: Queue, now: Followed) -> tuple[Queue, Turn]:
     return queue._replace(smoothed=smoothed, samples_smoothed=where(is_smoothed, 1.0, done)), turn
 
 
-def to_show(queue: Queue, T_s: Scalar) -> tuple[Queue, Turn, Scalar]:
+def to_show(queue: Queue, c: Contact) -> tuple[Queue, Turn, Scalar]:
     """The next sample of the motions that are smoothed, and its time."""
-    place, kept, start = _entry(queue, queue.shown)
+    place, kept, start = _entry(queue, queue.shown, c.room)
     is_due = queue.shown < queue.smoothed
     done = queue.samples_shown + 1.0
     turn = Turn(is_due, place + queue.samples_shown)
     is_shown = is_due & (done >= kept)
     samples_shown = where(is_shown, 0.0, where(is_due, done, queue.samples_shown))
     shown = where(is_shown, queue.shown + 1.0, queue.shown)
-    return queue._replace(shown=shown, samples_shown=samples_shown), turn, start + done * T_s
+    return queue._replace(shown=shown, samples_shown=samples_shown), turn, start + done * c.sample_time
 
 
-def _entry(queue: Queue, number: Scalar) -> tuple[Scalar, ...]:
-    row = _within(number, QUEUE) * ENTRY
+def _entry(queue: Queue, number: Scalar, room: Room) -> tuple[Scalar, ...]:
+    row = _within(number, room.queue) * ENTRY
     return tuple(load(queue.waiting, row, k) for k in range(ENTRY))

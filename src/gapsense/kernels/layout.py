@@ -28,7 +28,7 @@ class Field(NamedTuple):
 
     `spans` say which numbers of a state are whole, because indices are made of them: a saved state with others is
     refused.  Those of a memory are of its first numbers, then again of the next ones, and so on.  `used` is a parameter
-    that says how many numbers of a memory are used, beginning with the first.
+    that says how many numbers of a memory are used: the first, and all at its start value.
     """
 
     kind: str = "scalar"

@@ -26,10 +26,23 @@ REASONS = {
 }
 VERSION = 1
 WAITS = (0.5, 1.0, 2.0, 4.0, 8.0)  # s, for one answer after the other
+ELF, PART, ARM = struct.Struct("<5s13xH8xI10xHH"), struct.Struct("<4xI8xI"), 40  # first, size and number of parts
 QEMU = "qemu-system-arm"
 BAUD = 115200
 LOOK = 0.2  # s between two looks at whether QEMU is still there
 EMULATED = ("-display", "none", "-monitor", "none", "-serial", "none", "-icount", "shift=5", "-semihosting")
+LONGEST = 1 << 17  # bytes of a message, and more than any has
+REMEDIES = {  # by kind, of a board that cannot be reached, and of one that does not answer as a board does
+    "qemu": (
+        "Look at the machine and the firmware",
+        "Build its firmware for this machine, as `make CPU=cortex-m3` does",
+    ),
+    "serial": (
+        "Plug it in, and see whether you may use the device",
+        "It needs the program of `export-c --loop`, and the line the same baud",
+    ),
+    "tcp": ("Start what listens there", "It needs the program of `export-c --loop`"),
+}
 PLACES = "`qemu:<machine>`, `serial:<device>[:<baud>]` or `tcp:<host>:<port>` expected"
 
 
@@ -39,22 +52,46 @@ class BoardError(RuntimeError):
 
 def wrong_board(board: str, firmware: Path | None) -> str:
     """What is wrong with the place of a board, or nothing; the board itself is not asked."""
-    if os.name != "posix":
-        return "board: boards need Linux or macOS. Remove it."
     kind, _, place = board.partition(":")
     if kind not in ("qemu", "serial", "tcp") or not place:
         return f"board: `{board}` found, {PLACES}. Correct it."
-    if kind == "tcp" and not place.rpartition(":")[2].isdecimal():
+    port = place.rpartition(":")[2]
+    if kind == "tcp" and not (port.isdecimal() and int(port) < 1 << 16):
         return f"board: `{board}` found, a port at its end expected. Correct it."
     if kind != "qemu":
         return "firmware: QEMU alone loads it, a board has its own already. Leave it out." if firmware else ""
     if firmware is None:
         return "firmware: missing; QEMU needs a file. Make one with `gapsense export-c ... --loop`, and `make`."
+    return ""
+
+
+def absent(board: str, firmware: Path | None) -> str:
+    """What a run with a board needs and this computer has not, or nothing."""
+    if board and os.name != "posix":
+        return "board: boards need Linux or macOS. Leave it out."
+    if not board.startswith("qemu:") or firmware is None:
+        return ""
     if not firmware.is_file():
         return f"firmware: there is no file `{firmware}`. Make it with `gapsense export-c ... --loop`, and `make`."
+    if problem := wrong_program(firmware):
+        return f"firmware: `{firmware}` {problem}. Build it again with `make`."
     return (
         "" if shutil.which(QEMU) else f"board: `{QEMU}` is not installed. Install QEMU for ARM, or leave `board` out."
     )
+
+
+def wrong_program(file: Path) -> str:
+    """What is wrong with an ELF file for Arm, or nothing: QEMU loads anything."""
+    try:
+        content = file.read_bytes()
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
+    if len(content) < ELF.size or ELF.unpack_from(content)[:2] != (b"\x7fELF\x01", ARM):
+        return "is no ELF file for 32-bit Arm"
+    _, _, first, size, count = ELF.unpack_from(content)
+    parts = [content[first + k * size :][: PART.size] for k in range(count)]
+    is_whole = all(len(part) == PART.size and sum(PART.unpack(part)) <= len(content) for part in parts)
+    return "" if is_whole else f"ends after {len(content):,} bytes, before its parts do"
 
 
 class Line:
@@ -72,7 +109,8 @@ class Line:
                 self.files = [serial(place) if kind == "serial" else connected(place).detach()]
         except (OSError, ImportError, ValueError) as error:
             self.close()
-            raise BoardError(f"cannot be reached: {getattr(error, 'strerror', None) or error}") from error
+            why = getattr(error, "strerror", None) or error
+            raise BoardError(f"cannot be reached: {why}. {REMEDIES[kind][0]}") from error
 
     def emulate(self, machine: str, firmware: Path | None) -> None:
         """Let QEMU emulate a machine; two pipes in its folder are the line, and it ends when they are closed."""
@@ -117,7 +155,8 @@ class Line:
         """That there is no line any more, and what QEMU says."""
         if not self.process:
             return BoardError("is gone: the line was closed. Plug it in")
-        words = " ".join((self.folder / "errors.txt").read_text(errors="replace").split())
+        said = (self.folder / "errors.txt").read_text(errors="replace")
+        words = " ".join(said.partition("\nR00=")[0].split())  # without the registers
         return BoardError(f"is gone: QEMU ended with {self.process.poll()}{words and f' and says: {words}'}")
 
     def close(self) -> None:
@@ -165,6 +204,7 @@ def serial(place: str) -> int:
 
 
 HEAD = struct.Struct("<BBHH")
+HELLO_SIZE = 28  # bytes
 
 
 def encoded(message: bytes) -> bytes:
@@ -214,16 +254,22 @@ class Link:
         self.line, self.sequence, self.came = Line(board, firmware), 0, b""
         self.troubles: list[str] = []  # of the last request, for which it had to be repeated
         self.is_lost = False  # there is nobody to ask any more
+        self.is_known = False  # it has answered as a board does
         try:
             self.line.write(b"\0")  # the end of what another program may have begun
             self.hello()
-        except BaseException:
+        except BaseException as error:
             self.line.close()
+            if isinstance(error, BoardError) and not self.is_known:
+                raise BoardError(f"{error}. {REMEDIES[board.partition(':')[0]][1]}") from error
             raise
 
     def hello(self) -> None:
         """Learn what the board is, and how much of its memory is used."""
-        facts = struct.unpack("<7I", self.ask(HELLO))
+        answer = self.ask(HELLO)
+        if len(answer) != HELLO_SIZE:
+            raise BoardError(f"answers with {len(answer)} bytes, {HELLO_SIZE} expected")
+        self.is_known, facts = True, struct.unpack("<7I", answer)
         version, self.most, self.size, self.count, self.flash, self.ram, self.stack = facts
         if version != VERSION:
             raise BoardError(f"speaks version {version} of the protocol, {VERSION} expected. Export its firmware again")
@@ -250,21 +296,20 @@ class Link:
         """Result and data of the answer to the last request, or None with the trouble noted."""
         until = monotonic() + wait
         while True:
-            frame, end, rest = self.came.partition(b"\0")
+            frame, end, rest = self.came.lstrip(b"\0").partition(b"\0")
             if end:
-                self.came = rest
-                found = unpacked(decoded(frame)) if frame else None
-                if frame and (found is None or found[0] == DAMAGED):
+                self.came, found = rest, unpacked(decoded(frame))
+                if found is None or found[0] == DAMAGED:
                     self.troubles.append("answer damaged" if found is None else "request damaged")
                     return None
-                if found and found[1] == self.sequence:
-                    return found[0], found[2]
-                continue  # an empty one, or the answer to a request that was repeated
-            new = self.line.read(until - monotonic())
-            if not new and monotonic() >= until:
+                if found[1] == self.sequence:
+                    return found[0], found[2]  # all others are to requests that were repeated
+            if monotonic() >= until or len(frame) > LONGEST:
+                self.came = b"" if len(frame) > LONGEST else self.came
                 self.troubles.append("no answer")
                 return None
-            self.came += new
+            if not end:
+                self.came = frame + self.line.read(until - monotonic())
 
     def whole(self, what: int, component: int, begin: int = 0, count: int | None = None) -> bytes:
         """All that the board has from an offset on, in as many requests as it takes; `count` bytes, or to its end."""
