@@ -16,7 +16,7 @@ from time import perf_counter
 
 from gapsense.cosim.fmu.instance import SLOPE
 from gapsense.cosim.run.loop.reference import counter
-from gapsense.cosim.run.part import Part, Work, first_turn
+from gapsense.cosim.run.part import Part, Stepper, Work, first_turn
 from gapsense.cosim.run.recording import COMPONENT, STOP
 from gapsense.cosim.scenario.records import Experiment
 from gapsense.problems import FmuError
@@ -26,6 +26,8 @@ Matrix = list[Vector]
 Act = Callable[[Part, bool], None]  # lets a part of a loop act, for the first time or again
 PARALLEL = 1e-12  # of its square: what is left of a difference that says nothing new
 CHANGE = 1e-6  # of an unknown, for the Jacobian by differences
+PIECES = 1000  # of a step of a loop, at most
+LEAST_PIECE = 1e-9  # of a step: what is left of it less than that is rounding
 PATIENCE = 6  # evaluations beyond 2 n after which secants are given up
 ROUNDING = 1e-19  # of a value: with a larger one nothing can be told of its residual
 HALVINGS = 12  # of a step that has failed
@@ -332,7 +334,7 @@ class Turns:
     """Whose turn it is at a base step, and what they then do."""
 
     def __init__(self, work: Work) -> None:
-        self.work, self.parts, self.k = work, work.parts, 0
+        self.work, self.parts, self.buffer, self.k = work, work.parts, work.parts[0].buffer, 0
         base = work.experiment.base_step
         self.due = [first_turn(part.component, work.begin) for part in work.parts]
         self.ramps = {part: Ramp(part, work) for part in work.parts if can_ramp(part, work.experiment)}
@@ -343,6 +345,7 @@ class Turns:
         in_loop = {i: tuple(loop) for loop in work.loops for i in loop}
         self.units = [*dict.fromkeys(in_loop.get(i, (i,)) for i in range(len(work.parts)))]
         self.sweeps: dict[tuple[int, ...], Sweep] = {}
+        self.gone = self.length = 0.0  # where the piece of a step begins that a loop does, and its length; 0: all [s]
         self.warned: list[int] = []
 
     def begin(self, k: int) -> None:
@@ -356,7 +359,7 @@ class Turns:
         sweep = self.sweeps.get(due) or self.prepared(due)
         self.warned = [part.warnings for part in self.parts]
         if sweep.is_loop:
-            self.solve(sweep)
+            self.cut(sweep)
         else:
             for part in sweep.parts:
                 self.act(part)
@@ -373,6 +376,41 @@ class Turns:
         sweep = self.sweeps[due] = Sweep([self.parts[i] for i in due], self.work.experiment)
         sweep.inverse = self.work.recording.inverses.setdefault(sweep.names, sweep.inverse)
         return sweep
+
+    def cut(self, sweep: Sweep) -> None:
+        """Let a loop step to where its parts say that the step should end, then on from there, until it is over."""
+        edges = [place for part in sweep.parts for place in part.edges]
+        if not edges:
+            return self.solve(sweep)
+        ramps = [self.ramps[part] for part in sweep.parts if part in self.ramps]
+        whole = length = sweep.parts[0].component.step * self.work.experiment.base_step
+        for _ in range(PIECES):
+            self.solve(sweep)
+            edge = min(self.buffer[place] for place in edges)
+            if 0.0 < edge < length:
+                for part in sweep.parts:
+                    part.instance.back()
+                length = edge
+            else:
+                self.gone, length = self.gone + length, whole - self.gone - length
+                for ramp in ramps:
+                    ramp.keep()
+            is_over = length <= LEAST_PIECE * whole
+            self.gone, self.length = (0.0, 0.0) if is_over else (self.gone, length)
+            for ramp in ramps:
+                ramp.duration = whole if is_over else length
+            if is_over:
+                return
+        problem = f"a step of the loop of `{sweep.names}` has too many edges for {PIECES} trials. Reduce `base_step`."
+        raise FmuError("run", problem, time=self.work.experiment.time(self.k - 1) + self.gone, step=self.k)
+
+    def stepper(self, i: int) -> Stepper:
+        """Function of the start time that lets a part do its step, or the piece of it that is due."""
+        if not self.length:
+            return self.steppers[i]
+        part = self.parts[i]
+        ramp = self.ramps.get(part)
+        return part.stepper(self.length / part.component.step, True, ramp.take if ramp else None)
 
     def solve(self, sweep: Sweep) -> None:
         """Let the parts of a loop step until they agree, and count how often."""
@@ -394,8 +432,8 @@ class Turns:
         """Let a part step."""
         i, every, experiment = self.numbers[part], part.component.step, self.work.experiment
         self.work.marks[COMPONENT], part.ended, part.warnings = i + 1, 0, self.warned[i]
-        begin, last = experiment.start + (self.k - every) * experiment.base_step, perf_counter()
-        failed = self.steppers[i](begin)
+        begin, last = experiment.start + (self.k - every) * experiment.base_step + self.gone, perf_counter()
+        failed = self.stepper(i)(begin)
         self.work.recording.seconds[i] += perf_counter() - last
         if failed:
             raise part.failure(failed, begin, self.k)

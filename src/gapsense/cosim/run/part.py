@@ -241,6 +241,7 @@ class Part:
         self.wires: list[Wire] = []
         self.means: set[Port] = set()  # inputs that have a mean over the step
         self.outputs = places.of(component.name, "output")
+        self.edges = [places.index[Port(component.name, component.edge)]] if component.edge else []
         self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
         self.is_played = False  # an input follows a signal of the scenario
         self.status = self.warnings = 0  # of the last call; steps that returned a warning

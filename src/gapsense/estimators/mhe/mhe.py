@@ -12,7 +12,9 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe.follow import Coil, Follow, Reading, decide, feed_back
 from gapsense.estimators.mhe.model import (
+    Bouncing,
     Device,
+    Model,
     Parameters,
     Point,
     advance,
@@ -51,6 +53,7 @@ from gapsense.estimators.mhe.window import (
     drives,
     first_work,
     get,
+    kept,
     priors,
     published,
     put,
@@ -77,6 +80,7 @@ from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, 
 
 FAR = 5.5  # deviations from what was told that a device of the type does not have
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
+CREEPING = 0.05  # of a voltage that is held: the rate of the model's flux linkage with which a coil is not settled yet
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
 
 
@@ -88,6 +92,7 @@ class Held(NamedTuple):
     held: Scalar = 0.0  # samples so far
     held_current: Scalar = 0.0
     held_drift: Scalar = 0.0  # last current less its mean
+    held_creep: Scalar = 0.0  # mean of the rate of the model's flux linkage
     held_resistance: Scalar = 0.0  # at the end of the last one that was long and large enough; or 0
     zero: Scalar = 0.0  # current that was measured at the end of the last one without voltage that was long enough
 
@@ -234,26 +239,28 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     has_voltage, can_read = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
     u = where(has_voltage, inputs.voltage, before.voltage)
     zero = where(is_set(par.option_zero), state.held.zero, 0.0)
-    i = where(can_read, inputs.current - zero, load(state.samples.currents, state.samples.newest))
+    last = load(state.samples.currents, state.samples.newest)
+    i = where(can_read, inputs.current - zero, last)
     is_edge, watch = drives(u - before.voltage, par), listen(state.watch, state.samples, u, i, par)
     par = as_seen(watch, told)
+    first = model(par, device(par))
     has_current = can_read & not_(is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     is_same_command = inputs.command == state.last_command
-    samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)))
-    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, par)
+    samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)), par)
+    creep = _rate(before, u, with_device(first, Device(*get(state.believed, START))))
+    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, creep, par)
     # the window
 
     def held_resistance() -> Scalar:
-        return where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
+        return where(held.held_resistance > 0.0, held.held_resistance, _settled_resistance(held, par))
 
-    first = model(par, device(par))
     window, is_first = state.work.window, state.work.pass_start == PassStart.first
     is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
     work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
     work, smoothed, has_caught_up = cond(
         is_set(state.follow.is_on),
-        lambda: (wait(work, before), state.smoothed, False),
+        lambda: (wait(work, before, par), state.smoothed, False),
         lambda: work_on(work, samples, state.smoothed, before, held_resistance, inputs.time, first, par),
     )
     is_new = has_caught_up & not_(is_set(work.is_followed))
@@ -267,7 +274,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     reading = Reading(voltage=u, current=i, counts=w > 0.0, variance=1.0 / weight(par))
 
     def open_loop() -> tuple[Array, Array]:
-        at = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+        bounces = Bouncing(is_set(watch.is_bouncing), 0.5 * (last + i))
+        at = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m, bounces)))
         return at, state.follow.covariance
 
     causal, covariance = cond(
@@ -282,6 +290,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_edge=is_edge,
         change=inputs.command - state.last_command,
         is_fed_back=is_set(state.follow.is_on),
+        before=before,
     )
     watch = watch_operation(watch, seen, now, work.learnt, m, par)
 
@@ -327,10 +336,15 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
 
 
+def _rate(p: Point, u: Scalar, m: Model) -> Scalar:
+    """Of the flux linkage of the model."""
+    return u - m.d.resistance * current(p, u, m)
+
+
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
     """Where the current is no longer fed back, since the mover is on a stop, a long window is dropped."""
     is_back, longest = not_(is_set(follow.is_on) | is_set(follow.is_futile)), par.window_longest / par.sample_time
-    age = where(is_back & (work.window.age > longest), RING, work.window.age)
+    age = where(is_back & (work.window.age > longest), kept(par), work.window.age)
     return work._replace(window=work.window._replace(age=age))
 
 
@@ -352,8 +366,8 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
     return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
 
 
-def _add_sample(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
-    newest = where(before.newest < RING - 1.0, before.newest + 1.0, 0.0)
+def _add_sample(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar, par: Parameters) -> Samples:
+    newest = where(before.newest < kept(par) - 1.0, before.newest + 1.0, 0.0)
     return Samples(
         newest=newest,
         voltages=store(before.voltages, newest, u),
@@ -368,20 +382,21 @@ def _forget_held(held: Held, goes_on: Scalar, par: Parameters) -> Held:
     return held._replace(held_resistance=where(goes_on | not_(is_set(par.option_command)), held.held_resistance, 0.0))
 
 
-def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
+def _hold(before: Held, u: Scalar, i: Scalar, creep: Scalar, par: Parameters) -> Held:
     changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
     share = where(changes, 1.0, RECENT)
     return when(changes, lambda held: _change_level(held, u, par), before)._replace(
         held=where(changes, 0.0, before.held + 1.0),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
+        held_creep=before.held_creep + share * (creep - before.held_creep),
         held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
     )
 
 
 def _change_level(before: Held, u: Scalar, par: Parameters) -> Held:
     """What the voltage that was held has told, when another one begins."""
-    R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
+    R, is_long = _settled_resistance(before, par), before.held >= par.window_tail / par.sample_time
     is_off = is_long & (fabs(before.held_voltage) < par.edge)
     return before._replace(
         held_level=u,
@@ -401,16 +416,22 @@ def _resistance(held: Held, par: Parameters) -> Scalar:
     return where(is_long & is_large & is_settled & (ratio > 0.0), ratio, 0.0)
 
 
+def _settled_resistance(held: Held, par: Parameters) -> Scalar:
+    """The same, if the flux linkage of the model is settled too: slow coils creep for long."""
+    is_settled = fabs(held.held_creep) < CREEPING * fabs(held.held_voltage)
+    return where(is_settled, _resistance(held, par), 0.0)
+
+
 def _publish(
     work: Work, newest: Scalar, smoothed: Smoothed, now: Point, time: Scalar, par: Parameters
 ) -> tuple[Work, Shown]:
     """The next smoothed sample, if there is one; the velocity is the mean since the one before."""
 
     def publish() -> tuple[Scalar, Scalar, Shown]:
-        oldest = where(work.shown >= newest, newest + RING - work.shown, newest - work.shown) - 1.0
+        oldest = where(work.shown >= newest, newest + kept(par) - work.shown, newest - work.shown) - 1.0
         late = where(par.publish_within > 0.0, oldest - par.publish_within / par.sample_time, 0.0)
         skipped = clip(-floor(-late), 0.0, work.ready - 1.0)
-        before, spot = (_behind(work.shown + skipped + k) for k in (0.0, 1.0))
+        before, spot = (_behind(work.shown + skipped + k, par) for k in (0.0, 1.0))
         z, age = load(smoothed.positions, spot), oldest - skipped
         shown = Shown(
             smoothed_published=1.0,
@@ -425,9 +446,9 @@ def _publish(
     return work._replace(shown=spot, ready=left), shown
 
 
-def _behind(spot: Scalar) -> Scalar:
+def _behind(spot: Scalar, par: Parameters) -> Scalar:
     """A place in the memory that may be beyond its end."""
-    return where(spot < RING, spot, spot - RING)
+    return where(spot < kept(par), spot, spot - kept(par))
 
 
 def _outputs(

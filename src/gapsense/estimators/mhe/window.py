@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe.model import (
+    Bouncing,
     Device,
     Model,
     Parameters,
@@ -27,7 +28,8 @@ from gapsense.kernels.layout import Array, Choice, Memory, Scalar, Vector, Whole
 from gapsense.kernels.linalg import matrix, outer, vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, loop, not_, store, when, where
 
-RING = 8192  # samples that are kept
+RING = 8192  # samples that are kept, at most
+RINGED = Memory(RING, used="window_memory")
 N = 12  # corrections: the fields of `Device`, and the flux linkage at the start of the window
 START = N - 1
 USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping, core and bend, or with them
@@ -62,17 +64,17 @@ class Samples(NamedTuple):
     """What was measured."""
 
     newest: Annotated[Scalar, Whole(0, RING - 1)]  # place of the newest sample in the memory
-    voltages: Annotated[Array, Memory(RING)]
-    currents: Annotated[Array, Memory(RING)]
-    weights: Annotated[Array, Memory(RING)]  # w^2 of the currents; 0 where they do not count
-    commands: Annotated[Array, Memory(RING)]  # flag: the command has changed
+    voltages: Annotated[Array, RINGED]
+    currents: Annotated[Array, RINGED]
+    weights: Annotated[Array, RINGED]  # w^2 of the currents; 0 where they do not count
+    commands: Annotated[Array, RINGED]  # flag: the command has changed
 
 
 class Smoothed(NamedTuple):
     """Samples of the last trial."""
 
-    fluxes: Annotated[Array, Memory(RING)]
-    positions: Annotated[Array, Memory(RING)]
+    fluxes: Annotated[Array, RINGED]
+    positions: Annotated[Array, RINGED]
 
 
 class Window(NamedTuple):
@@ -85,6 +87,7 @@ class Window(NamedTuple):
     has_grown: Scalar = 0.0  # flag: it was made longer
     has_jumped: Scalar = 0.0  # flag: it began again with the resistance of a held voltage
     is_doubtful: Scalar = 0.0  # flag: the causal estimate was strange since it began
+    begins_loose: Scalar = 0.0  # flag: the mover bounces at its start
 
 
 class Walk(NamedTuple):
@@ -103,6 +106,7 @@ class Walk(NamedTuple):
     landing: Scalar = 0.0  # the first one
     speed: Scalar = 0.0
     landings: Scalar = 0.0
+    is_loose: Scalar = 0.0  # flag: it bounces since it has landed, and currents do not count
 
 
 class Fit(NamedTuple):
@@ -147,7 +151,7 @@ class Learnt(NamedTuple):
     windows: Scalar = 0.0  # so far
     misfit: Scalar = 0.0  # cost over what noise and model error make (9)
     given_up: Scalar = 0.0  # windows since then that were not solved before the memory was full
-    rejected: Scalar = 0.0  # windows in a row that nothing explained
+    rejected: Scalar = 0.0  # windows in a row that nothing explained; below 0: so many must be after a new beginning
     explained: Scalar = 0.0  # windows with a motion that were
 
 
@@ -235,10 +239,15 @@ def origin_of(at: Point) -> Array:
     return vector([at.flux_linkage, at.hysteresis, at.position, at.velocity, at.voltage])
 
 
-def place(newest: Scalar, age: Scalar) -> Scalar:
+def kept(par: Parameters) -> Scalar:
+    """Samples that are kept: places of the memory that are used."""
+    return clip(floor(par.window_memory), 1.0, float(RING))
+
+
+def place(newest: Scalar, age: Scalar, par: Parameters) -> Scalar:
     """Place in the memory of a sample that is so many samples old."""
     at = newest - age
-    return where(at < 0.0, at + RING, at)
+    return where(at < 0.0, at + kept(par), at)
 
 
 def get(memory: Array, size: int) -> Array:
@@ -267,9 +276,9 @@ def put_matrix(memory: Array, A: Array, rows: Sequence[int] = ALL) -> Array:
     return memory
 
 
-def remember(smoothed: Smoothed, walk: Walk, window: Window, samples: Samples) -> Smoothed:
+def remember(smoothed: Smoothed, walk: Walk, window: Window, samples: Samples, par: Parameters) -> Smoothed:
     """The memory with the sample that a pass has come to."""
-    spot = place(samples.newest, window.age - walk.done)
+    spot = place(samples.newest, window.age - walk.done, par)
     return Smoothed(store(smoothed.fluxes, spot, walk.at[0]), store(smoothed.positions, spot, walk.at[2]))
 
 
@@ -287,7 +296,7 @@ def begin_pass(work: Work, m: Model, par: Parameters) -> Work:
     return work._replace(
         pass_start=PassStart.under_way,
         is_followed=0.0,
-        walk=first_walk(at, par),
+        walk=first_walk(at, par)._replace(is_loose=work.window.begins_loose),
         fit=when(not_(is_trying), _clear_sums, fit),
     )
 
@@ -333,7 +342,7 @@ def _derive(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Par
     def one(walk: Walk, smoothed: Smoothed, _: Scalar) -> tuple[tuple[Walk, Smoothed, Scalar], Scalar]:
         new, weighted = _visit(walk, window, samples, m, par)
         new = new._replace(pending=walk.pending + 1.0, residuals=walk.residuals + weighted)
-        kept = remember(smoothed, new, window, samples)
+        kept = remember(smoothed, new, window, samples, par)
         ends = cond(is_open, lambda: _ends(new, window, samples, par), lambda: new.done >= window.end)
         return (new, kept, flag(ends)), (new.done >= limit) | _is_full(new, par) | ends
 
@@ -346,7 +355,7 @@ def _ends(walk: Walk, window: Window, samples: Samples, par: Parameters) -> Scal
     """Whether an open window ends here: at rest after a landing, at a voltage after a rest, or with the command."""
     tail, longest = par.window_tail / par.sample_time, par.window_longest / par.sample_time
     by_landing = (walk.takeoff >= 0.0) & (walk.still >= tail)
-    spot = place(samples.newest, window.age - walk.done)
+    spot = place(samples.newest, window.age - walk.done, par)
     by_voltage = (walk.driven == 1.0) & (walk.takeoff < 0.0) & (walk.done > 0.5 * longest)
     ends = cond(
         is_set(par.option_command), lambda: is_set(load(samples.commands, spot)), lambda: by_landing | by_voltage
@@ -366,7 +375,7 @@ def _try(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parame
 
     def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
         new, _ = _visit(walk, window, samples, m, par)
-        return (new, remember(smoothed, new, window, samples)), new.done >= limit
+        return (new, remember(smoothed, new, window, samples, par)), new.done >= limit
 
     walk, smoothed = loop(PACE, one, (work.walk, smoothed))
     return work._replace(walk=walk, pass_done=flag(walk.done >= window.end)), smoothed
@@ -374,12 +383,15 @@ def _try(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parame
 
 def _visit(walk: Walk, window: Window, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, Scalar]:
     """The next sample, and w^2 r of it."""
-    before, spot = Point(*walk.at), place(samples.newest, window.age - walk.done - 1.0)
+    before, spot = Point(*walk.at), place(samples.newest, window.age - walk.done - 1.0, par)
     u, i, w = (load(memory, spot) for memory in (samples.voltages, samples.currents, samples.weights))
-    at, mean = advance(before, u, m), mean_of(before.voltage, u, m)
+    last, bounces = load(samples.currents, place(samples.newest, window.age - walk.done, par)), is_set(walk.is_loose)
+    at, mean = advance(before, u, m, Bouncing(bounces, 0.5 * (last + i))), mean_of(before.voltage, u, m)
     i_model = current(at, mean, m)
     r = i - i_model
     is_on_stop = (at.position <= m.lower) | (at.position >= m.upper)
+    is_loose = bounces_on(walk.is_loose, before, at, m)
+    w = where(is_loose, 0.0, w)
     is_driven = drives(u, par) | (fabs(i_model) > LARGE * par.noise_current)
     new = walk._replace(
         done=walk.done + 1.0,
@@ -389,6 +401,7 @@ def _visit(walk: Walk, window: Window, samples: Samples, m: Model, par: Paramete
         driven=walk.driven + flag(is_driven),
         cost=walk.cost + w * r * r,  # (4)
         counted=walk.counted + w,
+        is_loose=flag(is_loose),
     )
     is_plain = (new.still > 1.0) | (new.still + walk.still < 1.0)
     return when(not_(is_plain), lambda new: _note_event(walk, new, before, m), new), w * r
@@ -399,7 +412,8 @@ def _note_event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:
     lands = new.still > 0.0
     is_first = lands & (walk.landings < 1.0)
     free = m.T_s * (before.velocity + 0.5 * m.T_s * before.acceleration)
-    share = clip((new.at[2] - before.position) / where(fabs(free) > 0.0, free, 1.0), 0.0, 1.0)
+    moved = clip(new.at[2], m.lower, m.upper) - before.position
+    share = clip(moved / where(fabs(free) > 0.0, free, 1.0), 0.0, 1.0)
     speed = fabs(before.velocity + share * m.T_s * before.acceleration)
     return new._replace(
         takeoff=where(lands | (walk.takeoff >= 0.0), walk.takeoff, walk.done),
@@ -412,12 +426,12 @@ def _note_event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:
 def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
     """Derivatives J of the current at the sample that the pass has come to; H and g of (5) with them."""
     walk, fit = work.walk, work.fit
-    weight = walk.counted - fit.summed
+    weight, is_still, bounces = walk.counted - fit.summed, walk.still > 0.0, is_set(walk.is_loose)
 
     def add(which: tuple[int, ...]) -> tuple[Array, Array, Array]:
         tangents, gradient = fit.tangents, fit.gradient
         T = matrix([[load(tangents, 4 * k + n) for n in range(4)] for k in which])
-        T, J = differentiate(T, which, Point(*walk.at), walk.mean, walk.pending, walk.still > 0.0, m)
+        T, J = differentiate(T, which, Point(*walk.at), walk.mean, walk.pending, is_still, bounces, m)
         for k, row, slope in zip(which, T, J):
             for n in range(4):
                 tangents = store(tangents, 4 * k + n, row[n])
@@ -437,6 +451,17 @@ def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
 def drives(u: Scalar, par: Parameters) -> Scalar:
     """Whether a voltage, or a change of it, is more than what noise and a controller at rest make."""
     return fabs(u) > par.edge + JUMP * par.noise_voltage
+
+
+def bounces_on(bounced: Scalar, before: Point, at: Point, m: Model) -> Scalar:
+    """Whether the mover comes back from a stop that it meets, or has and does not rest yet."""
+    meets = is_between(before, m) & not_(is_between(at, m))
+    return m.bounces & not_(at.velocity == 0.0) & (meets | is_set(bounced))
+
+
+def is_between(at: Point, m: Model) -> Scalar:
+    """Whether the mover is between its stops."""
+    return (at.position > m.lower) & (at.position < m.upper)
 
 
 def is_idle(walk: Walk) -> Scalar:
