@@ -27,6 +27,11 @@ def is_sampled(component: Component, description: Description) -> bool:
     return sample_time(component, description) > 0.0
 
 
+def is_free(component: Component, description: Description) -> bool:
+    """True for a component whose steps may be controlled: it takes any, and has no instants of its own."""
+    return component.step == 1 and description.can_vary and not is_sampled(component, description)
+
+
 def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     """Sentence on the first two components that drive each other with a delay, unless the error was measured.
 
@@ -36,6 +41,8 @@ def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     wires = [c for c in scenario.connections if {c.source.component, c.target.component} <= free]
     wires = [c for c in wires if c.source.component != c.target.component]
     loops = [c for c in wires if c.source.component in reached(c.target.component, wires)]
+    if scenario.experiment.step_control is not None:
+        return  # which sees to that error
     if loops and scenario.experiment.method != "jacobi":  # in which every connection is delayed
         is_explicit = scenario.experiment.method == "gauss-seidel"
         order = execution_order([*scenario.components], scenario.connections, descriptions) if is_explicit else None

@@ -1,0 +1,239 @@
+"""Whose turn it is at a base step, and what components then do: every method, in Python; explicit ones are in C too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from ctypes import c_double
+from math import isfinite
+from time import perf_counter
+from typing import Any
+
+from gapsense.cosim.fmu.instance import SLOPE
+from gapsense.cosim.run.iterate import Sweep, renew
+from gapsense.cosim.run.part import Part, Stepper, Work, first_turn
+from gapsense.cosim.run.recording import COMPONENT, STOP, bin_of
+from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Experiment
+from gapsense.problems import FmuError
+
+Vector = list[float]
+NOBODY: Collection[int] = frozenset()
+
+
+class Turns:
+    """Whose turn it is at a base step, and what they then do.
+
+    Parts that are `free` step whenever there is a base step, from the last one on, the others in steps of their own.
+    """
+
+    def __init__(self, work: Work, free: Collection[int] = NOBODY) -> None:
+        self.work, self.parts, self.free, self.k = work, work.parts, free, 0
+        self.method = work.experiment.method
+        self.last = [first_turn(part.component, work.begin) - part.component.step for part in work.parts]
+        self.gone = [p.component.step if last > p.component.offset else 0 for p, last in zip(work.parts, self.last)]
+        self.ramps = {i: Ramp(p, work) for i, p in enumerate(work.parts) if can_ramp(p, work.experiment)}
+        self.takers = [part.taker() for part in work.parts]
+        self.steppers: dict[tuple[int, int], Stepper] = {}
+        self.seconds, self.count = work.recording.seconds, counter(work)
+        loops = {i: tuple(loop) for loop in work.loops for i in loop} if self.method == ITERATIVE else {}
+        self.units = [*dict.fromkeys(loops.get(i, (i,)) for i in range(len(work.parts)))]
+        self.looped, self.sweeps = frozenset(loops), dict[tuple[int, ...], Sweep]()
+        self.numbers = {part: i for i, part in enumerate(work.parts)}
+        self.warned: Vector = []
+        self.stops = True  # the run, where a component has ended
+
+    def step(self, k: int) -> None:
+        """Let every part step that is due at a base step, in order, those of a loop until they agree."""
+        self.k = k
+        for part in self.parts[:1]:
+            part.places.remember(part.buffer, part.texts)
+        for unit in self.units:
+            if due := tuple(i for i in unit if self.is_due(i)):
+                self.let(due)
+
+    def is_due(self, i: int) -> bool:
+        """True for a part that steps now."""
+        last = self.last[i]
+        return self.k > last if i in self.free else self.k == last + self.parts[i].component.step
+
+    def let(self, due: tuple[int, ...]) -> None:
+        """Let parts of a unit step, which are due."""
+        self.warned = [part.warnings for part in self.parts]
+        sweep = self.sweeps.get(due) or self.prepared(due) if due[0] in self.looped else None
+        if sweep and sweep.is_loop:
+            self.solve(sweep)
+        else:
+            for i in due:
+                self.act(self.parts[i])
+        for i in due:
+            if ramp := self.ramps.get(i):
+                ramp.keep()
+            self.last[i], self.gone[i] = self.k, self.k - self.last[i]
+            self.count(i)
+            if self.parts[i].ended and self.stops:
+                self.work.marks[STOP] = 1
+
+    def prepared(self, due: tuple[int, ...]) -> Sweep:
+        """The sweep of these parts, with the inverse that was kept of it."""
+        sweep = self.sweeps[due] = Sweep([self.parts[i] for i in due], self.work.experiment)
+        sweep.inverse = self.work.recording.inverses.setdefault(sweep.names, sweep.inverse)
+        return sweep
+
+    def solve(self, sweep: Sweep) -> None:
+        """Let the parts of a loop step until they agree, and count how often."""
+        if unsolved := sweep.solve(self.repeat):
+            begin = self.work.experiment.time(self.last[self.numbers[sweep.parts[0]]])
+            raise FmuError("run", unsolved, time=begin, step=self.k)
+        counts = self.work.recording.loops.setdefault(sweep.names, [0, 0, 0, 0])
+        counts[:2] = counts[0] + 1, counts[1] + sweep.count
+        if sweep.count > counts[2]:
+            counts[2:] = sweep.count, self.k
+
+    def repeat(self, part: Part, is_again: bool) -> None:
+        """Let a part of a loop step, from the state that it had before."""
+        begin = perf_counter()
+        renew(part, is_again)
+        self.seconds[self.numbers[part]] += perf_counter() - begin
+        self.act(part)
+
+    def act(self, part: Part) -> None:
+        """Let a part step."""
+        clock, i = perf_counter(), self.numbers[part]
+        first, self.work.marks[COMPONENT], part.ended, part.warnings = self.last[i], i + 1, 0, int(self.warned[i])
+        begin, every = self.work.experiment.time(first), self.k - first
+        if ramp := self.ramps.get(i):
+            ramp.every, ramp.gone = every, self.gone[i]
+        failed = (self.steppers.get((i, every)) or self.prepare(i, every))(begin)
+        self.seconds[i] += perf_counter() - clock
+        if failed:
+            raise part.failure(failed, begin, self.k)
+
+    def prepare(self, i: int, every: int) -> Stepper:
+        """Function of the start time that lets a part do a step of so many base steps."""
+        part, ramp = self.parts[i], self.ramps.get(i)
+        take = self.takers[i] if part.follows and self.method != JACOBI else None
+        if ramp:
+            take = ramp.go_on if self.method == JACOBI else ramp.take
+        made = self.steppers[i, every] = part.stepper(every * self.work.experiment.base_step, take)
+        return made
+
+    def exchange(self, k: int) -> None:
+        """Give its inputs to every part that begins a step at a base step (Jacobi).
+
+        A row of the record therefore shows the inputs of the step that begins at its time; with Gauss-Seidel it shows
+        those of the step that ended there. In both cases it is what the FMU would answer if asked for its inputs.
+        """
+        for i, part in enumerate(self.parts):
+            if self.last[i] == k:
+                clock, self.work.marks[COMPONENT] = perf_counter(), i + 1
+                if failed := self.takers[i]():
+                    raise part.failure(failed, self.work.experiment.time(k), k)
+                self.seconds[i] += perf_counter() - clock
+
+    def state(self) -> Any:
+        """All that `back` needs beside the states of the components."""
+        inputs = {i: [*ramp.old] for i, ramp in self.ramps.items()}
+        warnings = [part.warnings for part in self.parts]
+        return self.work.buffer.copy(), dict(self.parts[0].texts), [*self.last], [*self.gone], inputs, warnings
+
+    def back(self, state: Any) -> None:
+        """Be where this was kept."""
+        self.work.buffer[:], texts, self.last[:], self.gone[:], inputs, warnings = state
+        self.parts[0].texts.update(texts)
+        for i, old in inputs.items():
+            self.ramps[i].old[:] = old
+        for part, count in zip(self.parts, warnings):
+            part.warnings, part.ended = count, 0
+
+
+def counter(work: Work) -> Callable[[int], None]:
+    """Function of the number of a part that counts a step of it; with Jacobi its inputs took their time before."""
+    of, spread = work.recording, [memoryview(counts) for counts in work.recording.spread]
+    seconds, calls, longest, counted = of.seconds, of.calls, of.longest, of.seconds.copy()
+
+    def count(i: int) -> None:
+        took = seconds[i] - counted[i]
+        counted[i] = seconds[i]
+        if took > longest[i]:
+            longest[i] = took
+        spread[i][bin_of(took)] += 1
+        calls[i] += 1
+
+    return count
+
+
+# Inputs that go in a straight line: to their new value, so that what leaves one component arrives at the other, or on
+# from their last two values where the new one is not known before the step.
+
+
+def can_ramp(part: Part, experiment: Experiment) -> bool:
+    """True for a part that takes slopes of its inputs, and should."""
+    can = experiment.inputs == "linear" and part.instance.description.can_interpolate
+    return can and part.follows and any(channel.is_in_place for channel in part.givers)
+
+
+def line(old: float, new: float, duration: float) -> tuple[float, float]:
+    """Value at the beginning of a step, and slope; a value that was lost, NaN, has no line before or after it."""
+    slope = (new - old) / duration
+    return (old, slope) if isfinite(slope) else (new, 0.0)
+
+
+class Ramp:
+    """Continuous inputs of a part: what they were when it stepped last, and their slopes in a step."""
+
+    def __init__(self, part: Part, work: Work) -> None:
+        channel = next(channel for channel in part.givers if channel.is_in_place)
+        own = {port: part.places.variable(port) for port in channel.ports if port not in part.held}
+        if work.experiment.method == JACOBI:
+            own = {port: variable for port, variable in own.items() if port in part.late}
+        own = {p: v for p, v in own.items() if v.variability in ("", "continuous") and p not in part.means}
+        self.part, self.buffer, self.places = part, part.buffer, [part.places.index[port] for port in own]
+        self.base, self.every, self.gone = (
+            work.experiment.base_step,
+            0,
+            0,
+        )  # the step, and the one before, in base steps
+        now = [self.buffer[place] for place in self.places]
+        self.old = work.recording.inputs.setdefault(part.component.name, now)
+        self.is_late = [port in part.late for port in own]
+        self.slopes = (c_double * len(own))()
+        self.tell = part.instance.sloper([*own.values()], self.slopes)
+        self.copy, self.give, self.new = part.copier(), part.taker(self.put), list(now)
+
+    def put(self) -> None:
+        """Take the new values, and put those to where they are given from with which the step begins."""
+        self.copy()
+        self.set(self.lines())
+
+    def lines(self) -> Vector:
+        """Values with which the step begins, after finding the slopes in it."""
+        self.new = [self.buffer[place] for place in self.places]
+        step, before = self.every * self.base, self.gone * self.base
+        begins: Vector = []
+        for j, (old, new, is_late) in enumerate(zip(self.old, self.new, self.is_late)):
+            begin, self.slopes[j] = line(old, new, before if is_late else step) if before or not is_late else (new, 0.0)
+            begins.append(new if is_late else begin)
+        return begins
+
+    def set(self, values: Vector) -> None:
+        """Set the inputs in the buffer."""
+        for place, value in zip(self.places, values):
+            self.buffer[place] = value
+
+    def take(self) -> str:
+        """Give the part its inputs at the beginning of the step, and their slopes; what failed, or nothing."""
+        failed = self.give()
+        self.set(self.new)
+        return failed or self.told()
+
+    def go_on(self) -> str:
+        """Give the part the slopes of the inputs that it has; what failed, or nothing."""
+        self.lines()
+        return self.told()
+
+    def told(self) -> str:
+        """Tell the slopes; what failed, or nothing."""
+        return self.part.checked(self.tell(), SLOPE) if self.places else ""
+
+    def keep(self) -> None:
+        """The step is over: the next one begins where it has ended."""
+        self.old[:] = self.new
