@@ -31,6 +31,7 @@ for folder in (ROOT / "tests" / "cosim", ROOT / "tests" / "actuators"):
     sys.path.insert(0, str(folder))
 from coupled import coupled_fmus  # noqa: E402
 
+from gapsense.problems import FmuError  # noqa: E402
 from gapsense.studies.devices import VALVE  # noqa: E402
 
 Vector = npt.NDArray[np.float64]
@@ -344,6 +345,8 @@ def measure(master: str, title: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         try:
             found = MASTERS[master](problem, Path(folder))
+        except FmuError:  # of values that are no longer finite
+            return {"error": None}
         except ImportError as error:
             return {"missing": str(error.name or error)}
         except Exception as error:  # of any master: that it does not run is a result

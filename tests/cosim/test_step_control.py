@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from conftest import built_coupled
+from test_every_number import CONTROL, FEW
 from test_iterate import exact, masses, same
 
 from gapsense.cosim import Checkpoint, FmuError, check, read_result, run
@@ -135,6 +136,19 @@ def test_component_that_cannot_go_back_is_refused_by_name(write, chain, fmus):
     text = chain.replace("stop = 1.0", "stop = 1.0\nstep_control = 1e-3") + "[record]\ndecimation = 5\n"
     found = "\n".join(check(write(text), fmus=fmus))
     assert "components.gain: `Gain.fmu` cannot save its state" in found
+
+
+@pytest.mark.parametrize("key", sorted(CONTROL))
+def test_any_number_is_run_or_refused(write, coupled_2, key):
+    text = controlled(0.1, "iterative", more="shortest_step = 1\nlongest_step = 9", stop=0.032)
+    lines = text.splitlines()
+    place = next(k for k, one in enumerate(lines) if one.startswith(key))
+    for value in FEW:
+        lines[place] = f"{key} = {value!r}"
+        path = write("\n".join(lines))
+        problems = check(path, fmus=coupled_2)
+        assert all(key in problem and len(problem) < 600 for problem in problems)
+        assert problems or run(path, fmus=coupled_2).times.size == 3
 
 
 # Explicit methods with inputs that go on ------------------------------------------------------------------------------

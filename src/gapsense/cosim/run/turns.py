@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection
 from ctypes import c_double
-from math import isfinite
 from time import perf_counter
 from typing import Any
 
@@ -174,7 +174,7 @@ def can_ramp(part: Part, experiment: Experiment) -> bool:
 def line(old: float, new: float, duration: float) -> tuple[float, float]:
     """Value at the beginning of a step, and slope; a value that was lost, NaN, has no line before or after it."""
     slope = (new - old) / duration
-    return (old, slope) if isfinite(slope) else (new, 0.0)
+    return (old, slope) if math.isfinite(slope) else (new, 0.0)
 
 
 class Ramp:
@@ -207,12 +207,11 @@ class Ramp:
     def lines(self) -> Vector:
         """Values with which the step begins, after finding the slopes in it."""
         self.new = [self.buffer[place] for place in self.places]
-        step, before = self.every * self.base, self.gone * self.base
-        begins: Vector = []
-        for j, (old, new, is_late) in enumerate(zip(self.old, self.new, self.is_late)):
-            begin, self.slopes[j] = line(old, new, before if is_late else step) if before or not is_late else (new, 0.0)
-            begins.append(new if is_late else begin)
-        return begins
+        step, before = self.every * self.base, self.gone * self.base or math.inf
+        values = zip(self.old, self.new, self.is_late)
+        found = [(new, line(old, new, before)[1]) if late else line(old, new, step) for old, new, late in values]
+        self.slopes[:] = [slope for _, slope in found]
+        return [begin for begin, _ in found]
 
     def set(self, values: Vector) -> None:
         """Set the inputs in the buffer."""
