@@ -326,7 +326,6 @@ MASTERS: dict[str, Callable[[Problem, Path], Vector]] = {
     "gapsense, jacobi, linear": lambda p, f: ours(p, f, "jacobi", goes_on=True),
     "gapsense, gauss-seidel, linear, 1e-3": lambda p, f: ours(p, f, "gauss-seidel", goes_on=True, allowed=1e-3),
     "gapsense, iterative, means, 1e-3": lambda p, f: ours(p, f, "iterative", has_means=True, allowed=1e-3),
-    "gapsense, iterative, means, 1e-4": lambda p, f: ours(p, f, "iterative", has_means=True, allowed=1e-4),
     "gapsense, iterative": lambda p, f: ours(p, f, "iterative"),
     "gapsense, iterative, means": lambda p, f: ours(p, f, "iterative", has_means=True),
     "fmpy, simulate_ssp": fmpy_ssp,

@@ -35,42 +35,48 @@ class Turns:
         self.steppers: dict[tuple[int, int], Stepper] = {}
         self.seconds, self.count = work.recording.seconds, counter(work)
         loops = {i: tuple(loop) for loop in work.loops for i in loop} if self.method == ITERATIVE else {}
-        self.units = [*dict.fromkeys(loops.get(i, (i,)) for i in range(len(work.parts)))]
+        self.units = [(unit[0], unit) for unit in dict.fromkeys(loops.get(i, (i,)) for i in range(len(work.parts)))]
+        self.remembers = any(part.places.earlier for part in work.parts[:1])
         self.looped, self.sweeps = frozenset(loops), dict[tuple[int, ...], Sweep]()
         self.numbers = {part: i for i, part in enumerate(work.parts)}
-        self.warned: Vector = []
+        self.warned: dict[int, int] = {}
+        self.every = [part.component.step for part in work.parts]
+        self.start, self.base = work.experiment.start, work.experiment.base_step
         self.stops = True  # the run, where a component has ended
 
     def step(self, k: int) -> None:
         """Let every part step that is due at a base step, in order, those of a loop until they agree."""
-        self.k = k
-        for part in self.parts[:1]:
-            part.places.remember(part.buffer, part.texts)
-        for unit in self.units:
-            if due := tuple(i for i in unit if self.is_due(i)):
-                self.let(due)
+        self.k, last, free, every = k, self.last, self.free, self.every
+        if self.remembers:
+            self.parts[0].places.remember(self.parts[0].buffer, self.parts[0].texts)
+        for i, unit in self.units:
+            if i in self.looped:
+                if due := tuple(j for j in unit if k == last[j] + every[j] or (j in free and k > last[j])):
+                    self.loop(due)
+            elif k == last[i] + every[i] or (i in free and k > last[i]):
+                self.move(i)
+                self.finish(i)
 
-    def is_due(self, i: int) -> bool:
-        """True for a part that steps now."""
-        last = self.last[i]
-        return self.k > last if i in self.free else self.k == last + self.parts[i].component.step
-
-    def let(self, due: tuple[int, ...]) -> None:
-        """Let parts of a unit step, which are due."""
-        self.warned = [part.warnings for part in self.parts]
-        sweep = self.sweeps.get(due) or self.prepared(due) if due[0] in self.looped else None
-        if sweep and sweep.is_loop:
+    def loop(self, due: tuple[int, ...]) -> None:
+        """Let parts of a loop step, which are due."""
+        self.warned = {i: self.parts[i].warnings for i in due}
+        sweep = self.sweeps.get(due) or self.prepared(due)
+        if sweep.is_loop:
             self.solve(sweep)
         else:
             for i in due:
-                self.act(self.parts[i])
+                self.move(i)
         for i in due:
-            if ramp := self.ramps.get(i):
-                ramp.keep()
-            self.last[i], self.gone[i] = self.k, self.k - self.last[i]
-            self.count(i)
-            if self.parts[i].ended and self.stops:
-                self.work.marks[STOP] = 1
+            self.finish(i)
+
+    def finish(self, i: int) -> None:
+        """A part has done its step."""
+        if self.ramps and (ramp := self.ramps.get(i)):
+            ramp.keep()
+        self.last[i], self.gone[i] = self.k, self.k - self.last[i]
+        self.count(i)
+        if self.parts[i].ended and self.stops:
+            self.work.marks[STOP] = 1
 
     def prepared(self, due: tuple[int, ...]) -> Sweep:
         """The sweep of these parts, with the inverse that was kept of it."""
@@ -90,22 +96,22 @@ class Turns:
 
     def repeat(self, part: Part, is_again: bool) -> None:
         """Let a part of a loop step, from the state that it had before."""
-        begin = perf_counter()
+        begin, i = perf_counter(), self.numbers[part]
         renew(part, is_again)
-        self.seconds[self.numbers[part]] += perf_counter() - begin
-        self.act(part)
+        part.ended, part.warnings = 0, self.warned[i]
+        self.seconds[i] += perf_counter() - begin
+        self.move(i)
 
-    def act(self, part: Part) -> None:
+    def move(self, i: int) -> None:
         """Let a part step."""
-        clock, i = perf_counter(), self.numbers[part]
-        first, self.work.marks[COMPONENT], part.ended, part.warnings = self.last[i], i + 1, 0, int(self.warned[i])
-        begin, every = self.work.experiment.time(first), self.k - first
-        if ramp := self.ramps.get(i):
+        clock, first, self.work.marks[COMPONENT] = perf_counter(), self.last[i], i + 1
+        begin, every = self.start + first * self.base, self.k - first
+        if self.ramps and (ramp := self.ramps.get(i)):
             ramp.every, ramp.gone = every, self.gone[i]
         failed = (self.steppers.get((i, every)) or self.prepare(i, every))(begin)
         self.seconds[i] += perf_counter() - clock
         if failed:
-            raise part.failure(failed, begin, self.k)
+            raise self.parts[i].failure(failed, begin, self.k)
 
     def prepare(self, i: int, every: int) -> Stepper:
         """Function of the start time that lets a part do a step of so many base steps."""
