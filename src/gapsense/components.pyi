@@ -1248,6 +1248,14 @@ class Mhe(Runnable):
         Smallest position z_min.
     stop_upper : float [m], at least 1e-09, by default 0.0014
         Largest position z_max.
+    stop_law : str, one of hard, elastic, by default 'hard'
+        Stops: hard, elastic.
+    stop_restitution : float, 0 to 0.95, by default 0.0
+        Hard: speed after an impact over that before it.
+    stop_stiffness : float [N/m], at least 0.001, by default 1000000.0
+        Elastic: force by depth.
+    stop_damping : float [s/m], at least 0, by default 0.5
+        Elastic: share by which it is larger, by speed inwards.
     core_reluctance : float [1/H], at least 1e-09, by default 2520000.0
         Reluctance of the core without flux, N^2 R_c0*.
     core_saturation : float [Wb], at least 1e-12, by default 0.0238
@@ -1434,6 +1442,10 @@ class Mhe(Runnable):
         damping: float = ...,
         stop_lower: float = ...,
         stop_upper: float = ...,
+        stop_law: str = ...,
+        stop_restitution: float = ...,
+        stop_stiffness: float = ...,
+        stop_damping: float = ...,
         core_reluctance: float = ...,
         core_saturation: float = ...,
         core_bend: float = ...,
@@ -2289,6 +2301,7 @@ class PowerStageOutputs(NamedTuple):
     leg_b: float
     path: float
     coil_inductance: float
+    edge: float
     supplied_energy: float
     delivered_energy: float
     dissipated_energy: float
@@ -2305,6 +2318,7 @@ class PowerStageResponse(Response):
     leg_b: Floats
     path: Floats
     coil_inductance: Floats
+    edge: Floats
     supplied_energy: Floats
     delivered_energy: Floats
     dissipated_energy: Floats
@@ -2380,6 +2394,8 @@ class PowerStage(Runnable):
         Eddy currents, seen from the coil: k_eddy / N^2 of ReluctanceActuator.
     micro_step : float [s], at least 1e-07, by default 1e-05
         Longest step of the integrator.
+    current_at : str, one of start, end, by default 'start'
+        To which end of the step the coil's current belongs; end: iterated: start, end.
 
     Inputs of run and step
     ----------------------
@@ -2416,6 +2432,8 @@ class PowerStage(Runnable):
         Sign of the current that can flow; 0: none.
     coil_inductance : float [H]
         Differential inductance, learnt.
+    edge : float [s]
+        From the start of the step to the first edge inside, or else its end.
     supplied_energy : float [J]
         From the supply since the start.
     delivered_energy : float [J]
@@ -2461,6 +2479,7 @@ class PowerStage(Runnable):
         coil_inductance: float = ...,
         coil_conductance: float = ...,
         micro_step: float = ...,
+        current_at: str = ...,
     ) -> None: ...
     def run(  # type: ignore[override]
         self,

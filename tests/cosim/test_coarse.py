@@ -43,10 +43,7 @@ def valve(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", sorted(path.parent.name for path in SHIPPED.glob("*/scenario.toml")))
 def test_scenarios_of_ours_have_steps_that_fit(name):
-    found = remarks(SHIPPED / name)
-    if name == "power_stage":  # of which docs/coupling.md tells how far its step is off
-        assert len(found) == 1 and "drive each other" in found.pop()
-    assert found == []
+    assert remarks(SHIPPED / name) == []
 
 
 def test_minimal_scenario_has_steps_that_fit(valve):

@@ -37,12 +37,26 @@ def square_wave(sample_time: float = T_S) -> Signals:
     return Signals(voltage, current + 2e-3 * np.random.default_rng(1).standard_normal(k.size), *others)
 
 
-def faulty(first: int, last: int, halves: int = 12, volts: float = 30.0, **changes: float) -> Signals:
-    """The square wave with another valve in some of its halves; else as `square_wave`."""
-    kernel, k = fresh(reluctance_actuator), np.arange(START + halves * HALF)
-    half = (k - START) // HALF
+def irregular(seed: int, halves: int) -> np.ndarray:
+    """First samples of operations of 8 to 15 ms, and the end of the last one."""
+    return START + np.r_[0, np.cumsum(np.random.default_rng(seed).integers(400, 751, halves))]
+
+
+def faulty(
+    first: int,
+    last: int,
+    halves: int = 12,
+    volts: float = 30.0,
+    starts: np.ndarray | None = None,
+    valve: Any = RTS_VALVE,
+    **changes: float,
+) -> Signals:
+    """The square wave, or operations with other starts, with another valve in some of its halves."""
+    starts = START + HALF * np.arange(halves + 1) if starts is None else starts
+    kernel, k = fresh(reluctance_actuator), np.arange(starts[-1])
+    half = np.searchsorted(starts, k, side="right") - 1
     voltage = np.where((k >= START) & (half % 2 == 0), volts, 0.0)
-    devices = (RTS_VALVE, RTS_VALVE._replace(**changes))
+    devices = (valve, valve._replace(**changes))
     rows = np.empty((k.size, kernel.outputs.size))
     for n in range(k.size):
         given = (n * T_S, T_S, voltage[n - 1]) if n else (0.0, 0.0, 0.0)

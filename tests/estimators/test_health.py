@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from c_code import run as run_in_c
 from kernel_cases import components
-from lossy_valve import HALF, START, T_S, Signals, believed, faulty, square_wave
+from lossy_valve import HALF, START, T_S, Signals, believed, faulty, irregular, square_wave
 
 from gapsense.estimators import ekf, readings, ukf
 from gapsense.estimators.watch import stationary
@@ -158,6 +158,13 @@ def test_health_without_contact_is_told_by_unusual_innovations(fault: str | None
         assert np.all(health == 1.0)
     else:
         assert wrong[begins:ends].any() and not np.any((wrong & (health == 1.0))[begins + 2 * HALF : ends])
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_operations_that_last_for_another_time_are_no_fault(seed: int) -> None:
+    """Parts were counted from the takeoff on: an edge came in another one, and a quarter of the operations had 0."""
+    s = faulty(0, 0, starts=irregular(seed, 40))
+    assert np.all(run_blind(blind(), s)["health"] == 1.0)
 
 
 WEAK: dict[str, dict[str, float]] = {

@@ -176,7 +176,7 @@ def by_tangents(par: mhe.Parameters, voltage: np.ndarray, block: int) -> tuple[n
         on_stop = points[k, 2] in (m.lower, m.upper)
         if (on_stop and moved) or k - since >= block:
             mean = 0.5 * (voltage[k - 1] + voltage[k])
-            T, J = differentiate(T, ALL, Point(*points[k].tolist()), float(mean), float(k - since), on_stop, m)
+            T, J = differentiate(T, ALL, Point(*points[k].tolist()), float(mean), float(k - since), on_stop, False, m)
             since = k
             rows.append((k, np.array(J, float)))
         moved = not on_stop

@@ -23,7 +23,7 @@ CASES = [
     ("run_to_run", "model", "gauss-seidel"),
     ("condition", None, "gauss-seidel"),
     ("lifting_magnet", None, "jacobi"),
-    ("power_stage", None, "gauss-seidel"),
+    ("power_stage", None, "iterative"),
 ]
 COUNT, EVERY = 500, 251  # base steps: components of other steps and offsets are in the midst of theirs
 

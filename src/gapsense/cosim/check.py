@@ -412,6 +412,17 @@ class Checker:
             yield f"connections: {error}"
             return
         loops = [name for loop in order.loops for name in loop]
+        for name, component in self.scenario.components.items():
+            variable = self.variable(Port(name, component.edge)) if component.edge else None
+            if component.edge and not (variable and variable.causality == "output" and variable.type == "Real"):
+                yield f"components.{name}.edge: `{component.edge}` is no Real output of it. Name one."
+            elif component.edge and name not in loops:
+                yield (
+                    f'components.{name}.edge: it is in no loop that is iterated. Write `method = "iterative"` in '
+                    "`[experiment]`, or leave `edge` out."
+                )
+            elif component.edge and len({self.scenario.components[n].step for n in loops}) > 1:
+                yield f"components.{name}.edge: components of its loop differ in `step`. Give all the same."
         for name in (name for name in loops if self.scenario.components[name].board):
             yield (
                 f"components.{name}.board: a board is in a loop, which `iterative` repeats from saved states; that"

@@ -25,6 +25,7 @@ FINENESS = 0.25  # micro-step at most, in time constants
 REFINEMENT = 1024.0  # a micro-step is shortened at most so many times for that
 CLOSE, TICK = 1.0 - 2e-7, 1e-12  # share and time [s] by which a timer may run out early, for single precision
 NEVER = 1e9  # [s]
+BESIDE = 5e-10  # so close to the end of a step a change of the path lies on it [s]
 FULL = 0.01  # share of its voltage from which on the boost capacitor is charged more slowly
 
 
@@ -152,6 +153,14 @@ class Circuit(NamedTuple):
     path: Scalar  # likewise: sign of the current that can flow, 0: none
 
 
+class Track(NamedTuple):
+    """What conducts in a micro-step, and when this changed first in the step."""
+
+    edge: Scalar  # [s]
+    path: Path
+    is_blocked: Scalar
+
+
 class Flow(NamedTuple):
     """Voltages and currents at one instant."""
 
@@ -161,10 +170,14 @@ class Flow(NamedTuple):
     source: Scalar  # of the path, without current
 
 
-def advanced(net: Net, coil: Coil, command: Command, at: Circuit, dt: Scalar) -> Circuit:
-    """State after a communication step."""
-    _, at = loop(MICRO_STEPS, partial(_micro_step, net, coil, command), (dt, at))
-    return at
+def advanced(net: Net, coil: Coil, command: Command, at: Circuit, dt: Scalar, keeps: Scalar) -> tuple[Circuit, Track]:
+    """State after a communication step, and what conducted last and where in it the path should change first.
+
+    Where the step `keeps` its path, it does not change: the step should have ended there.
+    """
+    first = Track(edge=dt, path=Path(0.0, 0.0, 0.0, 0.0), is_blocked=0.0)
+    _, at, track = loop(MICRO_STEPS, partial(_micro_step, net, coil, command, dt, keeps), (dt, at, first))
+    return at, track
 
 
 def levels(net: Net, gates: Gates) -> tuple[Scalar, Scalar]:
@@ -185,8 +198,8 @@ def stored(net: Net, at: Circuit) -> Scalar:
 
 
 def _micro_step(
-    net: Net, coil: Coil, command: Command, left: Scalar, at: Circuit
-) -> tuple[tuple[Scalar, Circuit], Scalar]:
+    net: Net, coil: Coil, command: Command, dt: Scalar, keeps: Scalar, left: Scalar, at: Circuit, track: Track
+) -> tuple[tuple[Scalar, Circuit, Track], Scalar]:
     at = at._replace(gates=_switched(net, command, at))
     gates, y = at.gates, at.stores
     legs = levels(net, gates)
@@ -196,6 +209,12 @@ def _micro_step(
     is_ahead = is_free | (ahead.current > 0.0)
     is_blocked = not_(is_ahead) & not_(back.current < 0.0)
     path = record(Path, (where(is_ahead, a, b) for a, b in zip(*paths)))
+    is_changed = _is_changed(track, path, is_blocked) & (left < dt)
+    is_first = is_changed & (left > BESIDE) & not_(track.edge < dt)
+    is_past = keeps & (is_changed | (track.edge < dt))
+    path = record(Path, (where(is_past, before, now) for before, now in zip(track.path, path)))
+    is_blocked = (is_past & is_set(track.is_blocked)) | (not_(is_past) & is_blocked)
+    track = Track(where(is_first, dt - left, track.edge), path, flag(is_blocked))
     level = _level(net, command, gates)
     is_watched = _is_regulated(net) & is_set(gates.live) & is_over(gates.age_a, net.minimum)
 
@@ -208,7 +227,8 @@ def _micro_step(
         waiting = least(-_flow(net, coil, paths[0], y).current, _flow(net, coil, paths[1], y).current)
         turning = where(is_blocked, waiting, where(is_free, 1.0, where(is_ahead, i, -i)))
         below = where(net.is_restarted, 1.0, i - (level - net.band))
-        return least(turning, where(is_watched, where(is_set(gates.a), level - i, below), 1.0))
+        found = least(turning, where(is_watched, where(is_set(gates.a), level - i, below), 1.0))
+        return where(is_past, 1.0, found)
 
     def rates(y: Stores) -> tuple[Stores, Sums]:
         return _rates(net, coil, path, is_blocked, flow(y), y)
@@ -240,7 +260,15 @@ def _micro_step(
         voltage=then.voltage,
         path=where(is_blocked, 0.0, where(is_ahead, 1.0, -1.0)),
     )
-    return (left - length, done), not_(left > length)
+    return (left - length, done, track), not_(left > length)
+
+
+def _is_changed(track: Track, path: Path, is_blocked: Scalar) -> Scalar:
+    """Whether this is not the path of the last micro-step."""
+    is_same = is_set(track.is_blocked) == is_blocked
+    for before, now in zip(track.path, path):
+        is_same = is_same & (before == now)
+    return not_(is_same)
 
 
 def _switched(net: Net, command: Command, at: Circuit) -> Gates:

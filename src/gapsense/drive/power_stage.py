@@ -1,16 +1,21 @@
 """Power stage between supply and coil: low-side switch, half and full bridge, peak and hold; see `power_circuit`.
 
 The stage learns the coil's current at communication points only.  In a step it takes the coil for an inductance with a
-voltage of its own, which both come from what the coil did so far.  Each step is computed twice: ahead, for the outputs,
-and again once its current is known, with a coil that ends there.  What the first was wrong by, the next step makes up.
+voltage of its own, which both come from what the coil did so far.
+
+If it gets the current of the start, each step is computed twice: ahead, for the outputs, and again once its current is
+known, with a coil that ends there.  What the first was wrong by, the next step makes up.  If it gets the current of the
+end, from a loop that is iterated, the coil's own voltage is sought that ends there.  Then nothing switches inside a
+step, so that what comes back depends smoothly on the current: `edge` says where the step should end.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.drive import power_circuit
 from gapsense.drive.power_circuit import (
+    BESIDE,
     Chop,
     Circuit,
     Coil,
@@ -27,15 +32,26 @@ from gapsense.drive.power_circuit import (
 )
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
-from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, not_, sqrt, square, where
+from gapsense.kernels.layout import Choice, Scalar
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where
 
 LEAST_CONDUCTANCE = 1e-9  # beside the coil: it blocks no current that matters, and needs no case of its own [S]
 WANDER = 0.2  # share by which a is taken to change in a step
 DRIFT = 0.03  # change of F in a step, in that which the supply would give
 KEPT = 0.8  # of F, from one step to the next
 STEADY = 0.1  # change of the voltage, in that of the supply, up to which a trend goes on
+COARSE = 1e-3  # of the voltage of the supply: how much of that of the path may be a guess
+LONG = 1e-7  # a shorter step tells nothing of the coil [s]
+PASSES = 5  # at most, of a step at whose end the current is known
+FINE = 1e-9  # of the voltage of the supply: what may be missing then
+STIFF = 0.05  # what F changes the end by, at least: an open coil without eddy currents has no current, whatever F is
 SPREAD = 4.0  # by which factor a may change in a step
+
+
+class At(Choice):
+    """Where in the step the current is that comes."""
+
+    start, end = range(2)
 
 
 @ports()
@@ -76,6 +92,7 @@ class Parameters(NamedTuple):
         "S", "Eddy currents, seen from the coil: k_eddy / N^2 of ReluctanceActuator", 0.0, min=0.0
     )
     micro_step: Scalar = fixed("s", "Longest step of the integrator", 10e-6, min=1e-7, name="micro_step")
+    current_at: Annotated[Scalar, At] = choice("To which end of the step the coil's current belongs; end: iterated")
 
 
 class Learnt(NamedTuple):
@@ -88,6 +105,18 @@ class Learnt(NamedTuple):
     P_F: Scalar
     trend: Scalar  # by which the rate of m is taken to change from one step to the next [A/s]
     inner: Scalar  # v of the last step [V]
+
+
+class Trial(NamedTuple):
+    """A step at whose end the current is known, with one F."""
+
+    drift: Scalar  # the F to be tried next [A/s]
+    change: Scalar  # from this one to that
+    missing: Scalar  # in this one
+    then: Circuit
+    edge: Scalar
+    held: Scalar  # [V]
+    m: Scalar  # of the coil, at the end [A]
 
 
 class State(NamedTuple):
@@ -135,6 +164,7 @@ class Outputs(NamedTuple):
     leg_b: Scalar = output("1", "Likewise, of the other end of the coil", min=-1.0, max=1.0)
     path: Scalar = output("1", "Sign of the current that can flow; 0: none", min=-1.0, max=1.0)
     coil_inductance: Scalar = output("H", "Differential inductance, learnt", nominal=0.05)
+    edge: Scalar = output("s", "From the start of the step to the first edge inside, or else its end", nominal=1e-5)
     supplied_energy: Scalar = output("J", "From the supply since the start", nominal=0.1)
     delivered_energy: Scalar = output("J", "To the coil since the start", nominal=0.1)
     dissipated_energy: Scalar = output("J", "Lost in the stage since the start", nominal=0.01)
@@ -157,16 +187,62 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One communication step."""
+    return cond(par.current_at == At.end, lambda: _coupled(state, inputs, par), lambda: _ahead(state, inputs, par))
+
+
+def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """A step at the end of which the coil has the current that comes."""
+    net, at, dt, start = net_of(par), state.at, inputs.dt, state.began
+    command = Command(inputs.gate, inputs.gate_low, inputs.reference, inputs.enable)
+    plain = _foreseen(par, state.learnt)
+    floor, soon = FINE * par.supply_voltage * plain.inverse, where(dt < BESIDE, dt, BESIDE)
+    begun, _ = advanced(net, plain, command, at, soon, False)  # what switches at once, whatever current comes
+
+    def closer(*before: Any) -> tuple[Trial, Scalar]:
+        trial = Trial(*before)
+        coil = plain._replace(drift=trial.drift)
+        then, track = advanced(net, coil, command, begun, dt - soon, True)
+        mean = coil.drift + (plain.drift - coil.drift) * soon / where(dt > 0.0, dt, 1.0)
+        held = _held(coil._replace(drift=mean), start, then.stores.magnetizing, dt)
+        m = _magnetizing(inputs.coil_current, held, par)
+        missing = _drive(coil, start, m, dt) - _drive(coil, start, then.stores.magnetizing, dt)
+        fall = trial.missing - missing
+        is_new = trial.change == 0.0
+        slope = where(is_new, 1.0, fall / where(is_new, 1.0, trial.change))
+        change = missing / where(slope > STIFF, slope, STIFF)
+        conducts = fabs(then.path) > 0.0
+        is_done = conducts & (fabs(missing) < floor)  # an open coil takes all passes: where it stops must not jump
+        drift = where(is_done, trial.drift, trial.drift + change)
+        guessed = dt * track.path.resistance * fabs(coil.drift - plain.drift)
+        edge, half = soon + track.edge, 0.5 * dt
+        is_coarse = conducts & (guessed > COARSE * par.supply_voltage) & (dt > LONG)
+        edge = where(is_coarse & (edge > half), half, edge)
+        return Trial(drift, change, missing, then, edge, held, m), is_done
+
+    found = loop(PASSES, closer, Trial(plain.drift, 0.0, 0.0, at, dt, 0.0, 0.0))
+    then, held, m = found.then, found.held, found.m
+    is_steady = (then.path == at.path) & (fabs(then.path) > 0.0)
+    last = State(at, *command, dt, held, start, 0.0, flag(is_steady), state.learnt)
+    learnt = cond(dt > LONG, lambda: _learn(last, m, par), lambda: state.learnt._replace(trend=0.0))
+    return last._replace(at=then, began=m, learnt=learnt), _outputs(net, then, held, learnt.inverse, found.edge)
+
+
+def _magnetizing(current: Scalar, held: Scalar, par: Parameters) -> Scalar:
+    """Magnetizing current of a coil at a voltage that was held, (2)."""
+    return current * (1.0 + par.coil_resistance * par.coil_conductance) - par.coil_conductance * held
+
+
+def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """A step at the start of which the coil has the current that comes."""
     net = net_of(par)
-    G, R = par.coil_conductance, par.coil_resistance
-    m = inputs.coil_current * (1.0 + R * G) - G * state.held  # (2)
+    m = _magnetizing(inputs.coil_current, state.held, par)
 
     def known() -> tuple[Learnt, Circuit]:
         learnt, is_inside = _learn(state, m, par), is_set(state.inside)
         command = Command(state.gate, state.gate_low, state.reference, state.enable)
         before, after = _foreseen(par, state.learnt), _coil(par, learnt)
         coil = Coil(*(where(is_inside, x, y) for x, y in zip(before, after)))
-        at = advanced(net, coil, command, state.at, state.step)
+        at, _ = advanced(net, coil, command, state.at, state.step, False)
         reached = where(is_inside, m, at.stores.magnetizing)
         return learnt, at._replace(stores=at.stores._replace(magnetizing=reached))
 
@@ -178,29 +254,39 @@ def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs:
     """What the stage gives in the step that begins, where the coil has `m` and should have that of `at`."""
     dt = inputs.dt
     command = Command(inputs.gate, inputs.gate_low, inputs.reference, inputs.enable)
-    then = advanced(net, coil, command, at, dt)
-    inner = _drive(coil, m, then.stores.magnetizing, dt) - coil.drift
-    held = where(dt > 0.0, inner / coil.inverse * (1.0 + coil.resistance * coil.conductance), then.voltage)
-    leg_a, leg_b = power_circuit.levels(net, then.gates)
-    outputs = Outputs(
-        voltage=then.voltage,
-        voltage_mean=held,
-        current=then.current,
-        supply_current=then.stores.supply,
-        link_voltage=then.stores.link,
-        boosted_voltage=then.stores.boost,
-        leg_a=leg_a,
-        leg_b=leg_b,
-        path=then.path,
-        coil_inductance=1.0 / coil.inverse,
-        supplied_energy=then.sums.supplied,
-        delivered_energy=then.sums.delivered,
-        dissipated_energy=then.sums.dissipated,
-        stored_energy=power_circuit.stored(net, then),
-    )
+    then, track = advanced(net, coil, command, at, dt, False)
+    held = where(dt > 0.0, _held(coil, m, then.stores.magnetizing, dt), then.voltage)
+    outputs = _outputs(net, then, held, coil.inverse, track.edge)
     is_inside = not_(power_circuit.is_over(then.gates.age_a, dt))
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
     return State(at, *command, dt, held, m, flag(is_inside), flag(is_steady), learnt), outputs
+
+
+def _outputs(net: Net, at: Circuit, held: Scalar, inverse: Scalar, edge: Scalar) -> Outputs:
+    leg_a, leg_b = power_circuit.levels(net, at.gates)
+    return Outputs(
+        voltage=at.voltage,
+        voltage_mean=held,
+        current=at.current,
+        supply_current=at.stores.supply,
+        link_voltage=at.stores.link,
+        boosted_voltage=at.stores.boost,
+        leg_a=leg_a,
+        leg_b=leg_b,
+        path=at.path,
+        coil_inductance=1.0 / inverse,
+        edge=edge,
+        supplied_energy=at.sums.supplied,
+        delivered_energy=at.sums.delivered,
+        dissipated_energy=at.sums.dissipated,
+        stored_energy=power_circuit.stored(net, at),
+    )
+
+
+def _held(coil: Coil, start: Scalar, end: Scalar, dt: Scalar) -> Scalar:
+    """Voltage that, held, takes the coil from `start` to `end` in a step [V], (4)."""
+    inner = _drive(coil, start, end, dt) - coil.drift
+    return inner / coil.inverse * (1.0 + coil.resistance * coil.conductance)
 
 
 def _drive(coil: Coil, start: Scalar, end: Scalar, dt: Scalar) -> Scalar:

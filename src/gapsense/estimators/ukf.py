@@ -121,6 +121,7 @@ EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
 WILD = 200.0  # deviations of an innovation that is told in its sample, however few there are
+EDGE = 1.0  # change of the voltage beyond its noise from which on an operation is compared from there [V]
 NEAR = 0.05  # part of the stroke within which the position is at a stop
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 
@@ -210,7 +211,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
     leaves, limits = _leaves(state.x, estimate.mean, par), Limits(par.health_samples, par.health_limit, 0.0)
-    usual = compared(state.usual, innovation, S, has_current & is_sound, leaves, limits)
+    is_edge = fabs(voltage - state.voltage) > EDGE + 6.0 * 2.0**0.5 * par.noise_voltage
+    usual = compared(state.usual, innovation, S, has_current & is_sound, leaves, is_edge, limits)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, S, WILD),

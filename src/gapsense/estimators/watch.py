@@ -20,6 +20,7 @@ FEW, KNOWN = 10.0, 20.0  # operations after which what is usual is used, and aft
 FIRST_WIDER, WIDER = 3.0, 1.2  # how far a mean may be beyond the usual range, in this: before it is known, and then
 SLACK = 0.4  # and so many deviations more
 PARTS, PER_MEAN = 24, 3.0  # of an operation, and how many of them are as long as `Limits.samples`
+RESTING = PARTS // 2  # the part that begins at an edge of the voltage, before which the mover may rest for any time
 RISE, FALL = 0.2, 0.02  # share of an operation in what is usual, if it has more or less
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
 
@@ -67,13 +68,14 @@ START = Watch(1.0, *[0.0] * 9)
 class Usual(NamedTuple):
     """How large the mean innovation usually is at each time of an operation: a wrong model has its own in each one.
 
-    An operation lasts until the mover leaves the other stop, and consists of `PARTS`, the last of which does not end.
-    Memory has the largest mean of each part, then the largest of minus the mean, both plus `FAR`; 0: none yet.
+    An operation lasts until the mover leaves the other stop, and consists of `PARTS`: half of them from its takeoff on,
+    the others from each edge of the voltage on; the last of either half does not end by itself.  Memory has the largest
+    mean of each part, then the largest of minus the mean, both plus `FAR`; 0: none yet.
     """
 
     surprise: Scalar  # mean of the squared normalised innovation [1]
     bias: Scalar  # mean of the normalised innovation over half as many samples [1]
-    samples: Annotated[Scalar, Count]  # of this operation
+    samples: Annotated[Scalar, Count]  # of this operation, as its parts count them
     operations: Annotated[Scalar, Count]  # from which it is known what is usual
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
     innovation: Scalar  # takeoffs until this sign is forgotten, as the following
@@ -140,7 +142,9 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
     )
 
 
-def compared(before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, leaves: Scalar, limits: Limits) -> Usual:
+def compared(
+    before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, leaves: Scalar, is_edge: Scalar, limits: Limits
+) -> Usual:
     """One sample more.  What is usual is learnt from operations without a sign."""
     normal = normalised(near(innovation, std), std)
     surprised = where(is_used, mean(before.surprise, square(normal), limits.samples), before.surprise)
@@ -157,6 +161,8 @@ def compared(before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, le
     for k, value in enumerate((FAR + biased, FAR - biased)):
         seen = store(seen, part, larger(load(seen, part, k * PARTS), value), k * PARTS)
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
+    rests = -floor(-RESTING * limits.samples / PER_MEAN)  # samples with which that part begins
+    samples = where(is_edge, rests, before.samples + where(before.samples == rests - 1.0, 0.0, 1.0))
     seen, usual = cond(
         is_over,
         lambda: _begun(seen, before.usual, first, is_learnt, before.operations >= KNOWN),
@@ -165,7 +171,7 @@ def compared(before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, le
     return Usual(
         surprise=surprised,
         bias=biased,
-        samples=where(is_over, 0.0, before.samples + 1.0),
+        samples=where(is_over, 0.0, samples),
         operations=before.operations + where(is_over & is_learnt, 1.0, 0.0),
         left=where(is_over, leaves, before.left),
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),

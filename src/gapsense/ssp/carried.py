@@ -11,7 +11,7 @@ from gapsense.problems import listing
 
 OF_CONNECTIONS = ("delayed", "mean")
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events", "page")  # as the file has them
-OF_COMPONENTS = ("step", "offset", "isolation")
+OF_COMPONENTS = ("step", "offset", "edge", "isolation")
 LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
 
 

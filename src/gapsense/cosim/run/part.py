@@ -244,6 +244,7 @@ class Part:
         self.late: set[Port] = set()  # inputs of which a step has the values of its beginning
         self.held: set[Port] = set()  # those that cannot go on from their last two values
         self.outputs = places.of(component.name, "output")
+        self.edges = [places.index[Port(component.name, component.edge)]] if component.edge else []
         self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
         self.is_played = False  # an input follows a signal of the scenario
         self.status = self.warnings = 0  # of the last call; steps that returned a warning

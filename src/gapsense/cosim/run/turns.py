@@ -9,13 +9,15 @@ from time import perf_counter
 from typing import Any
 
 from gapsense.cosim.fmu.instance import SLOPE
-from gapsense.cosim.run.iterate import Sweep, renew
+from gapsense.cosim.run.iterate import LOOP, Sweep, renew
 from gapsense.cosim.run.part import Part, Stepper, Work, first_turn
 from gapsense.cosim.run.recording import COMPONENT, STOP, bin_of
 from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Experiment
 from gapsense.problems import FmuError
 
 Vector = list[float]
+PIECES = 1000  # of a step of a loop, at most
+LEAST_PIECE = 1e-9  # of a step: what is left of it less than that is rounding
 NOBODY: Collection[int] = frozenset()
 
 
@@ -42,6 +44,7 @@ class Turns:
         self.warned: dict[int, int] = {}
         self.every = [part.component.step for part in work.parts]
         self.start, self.base = work.experiment.start, work.experiment.base_step
+        self.passed = self.length = 0.0  # where the piece of a step begins that a loop does, its length; 0: all [s]
         self.stops = True  # the run, where a component has ended
 
     def step(self, k: int) -> None:
@@ -62,7 +65,7 @@ class Turns:
         self.warned = {i: self.parts[i].warnings for i in due}
         sweep = self.sweeps.get(due) or self.prepared(due)
         if sweep.is_loop:
-            self.solve(sweep)
+            self.cut(sweep)
         else:
             for i in due:
                 self.move(i)
@@ -83,6 +86,33 @@ class Turns:
         sweep = self.sweeps[due] = Sweep([self.parts[i] for i in due], self.work.experiment)
         sweep.inverse = self.work.recording.inverses.setdefault(sweep.names, sweep.inverse)
         return sweep
+
+    def cut(self, sweep: Sweep) -> None:
+        """Let a loop step to where its parts say that the step should end, then on from there, until it is over."""
+        edges = [place for part in sweep.parts for place in part.edges]
+        if not edges:
+            return self.solve(sweep)
+        ramps = [self.ramps[i] for part in sweep.parts if (i := self.numbers[part]) in self.ramps]
+        whole = length = (self.k - self.last[self.numbers[sweep.parts[0]]]) * self.base
+        for _ in range(PIECES):
+            self.solve(sweep)
+            edge = min(self.work.buffer[place] for place in edges)
+            if 0.0 < edge < length:
+                for part in sweep.parts:
+                    part.instance.back(LOOP)
+                length = float(edge)
+            else:
+                self.passed, length = self.passed + length, whole - self.passed - length
+                for ramp in ramps:
+                    ramp.keep()
+            is_over = length <= LEAST_PIECE * whole
+            self.passed, self.length = (0.0, 0.0) if is_over else (self.passed, length)
+            for ramp in ramps:
+                ramp.piece = self.length
+            if is_over:
+                return
+        problem = f"a step of the loop of `{sweep.names}` has too many edges for {PIECES} trials. Reduce `base_step`."
+        raise FmuError("run", problem, time=self.work.experiment.time(self.k - 1) + self.passed, step=self.k)
 
     def solve(self, sweep: Sweep) -> None:
         """Let the parts of a loop step until they agree, and count how often."""
@@ -105,21 +135,24 @@ class Turns:
     def move(self, i: int) -> None:
         """Let a part step."""
         clock, first, self.work.marks[COMPONENT] = perf_counter(), self.last[i], i + 1
-        begin, every = self.start + first * self.base, self.k - first
+        begin, every = self.start + first * self.base + self.passed, self.k - first
         if self.ramps and (ramp := self.ramps.get(i)):
             ramp.every, ramp.gone = every, self.gone[i]
-        failed = (self.steppers.get((i, every)) or self.prepare(i, every))(begin)
+        step = None if self.length else self.steppers.get((i, every))
+        failed = (step or self.prepare(i, every))(begin)
         self.seconds[i] += perf_counter() - clock
         if failed:
             raise self.parts[i].failure(failed, begin, self.k)
 
     def prepare(self, i: int, every: int) -> Stepper:
-        """Function of the start time that lets a part do a step of so many base steps."""
+        """Function of the start time that lets a part do a step of so many base steps, or the piece that is due."""
         part, ramp = self.parts[i], self.ramps.get(i)
         take = self.takers[i] if part.follows and self.method != JACOBI else None
         if ramp:
             take = ramp.go_on if self.method == JACOBI else ramp.take
-        made = self.steppers[i, every] = part.stepper(every * self.work.experiment.base_step, take)
+        made = part.stepper(self.length or every * self.base, take)
+        if not self.length:
+            self.steppers[i, every] = made
         return made
 
     def exchange(self, k: int) -> None:
@@ -145,8 +178,9 @@ class Turns:
         """Be where this was kept."""
         self.work.buffer[:], texts, self.last[:], self.gone[:], inputs, warnings = state
         self.parts[0].texts.update(texts)
+        self.passed = self.length = 0.0
         for i, old in inputs.items():
-            self.ramps[i].old[:] = old
+            self.ramps[i].old[:], self.ramps[i].piece = old, 0.0
         for part, count in zip(self.parts, warnings):
             part.warnings, part.ended = count, 0
 
@@ -198,6 +232,7 @@ class Ramp:
             0,
             0,
         )  # the step, and the one before, in base steps
+        self.piece = 0.0  # of a step [s]; 0: all of it
         now = [self.buffer[place] for place in self.places]
         self.old = work.recording.inputs.setdefault(part.component.name, now)
         self.is_late = [port in part.late for port in own]
@@ -213,7 +248,7 @@ class Ramp:
     def lines(self) -> Vector:
         """Values with which the step begins, after finding the slopes in it."""
         self.new = [self.buffer[place] for place in self.places]
-        step, before = self.every * self.base, self.gone * self.base or math.inf
+        step, before = self.piece or self.every * self.base, self.gone * self.base or math.inf
         values = zip(self.old, self.new, self.is_late)
         found = [(new, line(old, new, before)[1]) if late else line(old, new, step) for old, new, late in values]
         self.slopes[:] = [slope for _, slope in found]

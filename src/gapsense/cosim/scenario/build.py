@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 Self = TypeVar("Self", bound="Content")
-KEYS = ("step", "offset", "parameters", "board", "firmware", "clock")  # of a component, beside what it is given
+KEYS = ("step", "offset", "edge", "parameters", "board", "firmware", "clock")  # of a component, beside what it is given
 UNFIT = re.compile(r"[^\w .-]")  # for the name of a file
 
 
@@ -106,8 +106,8 @@ class Content:
         values : mapping, optional
             Parameters, constant inputs and the seed by name, as for `set`.
         more
-            The same where the name has no dots; `step`, `offset`, `parameters`, `board`, `firmware` and `clock` are
-            the keys of `[components.NAME]`.
+            The same where the name has no dots; `step`, `offset`, `edge`, `parameters`, `board`, `firmware` and `clock`
+            are the keys of `[components.NAME]`.
         """
         if name in self.components:
             raise ScenarioError([f"{self.path.name}: there is a component `{name}` already. Choose another name."])

@@ -197,6 +197,14 @@ COMPONENT = Section(
         Key("step", COUNT, "Base steps per step of this component", "2", default=1),
         Key("offset", INDEX, "Base steps from the start of the run to the start of this component", "1", default=0),
         Key(
+            "edge",
+            TEXT,
+            "With `iterative`: output of this component that says when in its step an edge comes, from the beginning "
+            "[s]; its loop steps to there first, then on",
+            '"edge"',
+            otherwise="none",
+        ),
+        Key(
             "parameters",
             TEXTS,
             "Parameter-set files relative to this file; a later one wins",

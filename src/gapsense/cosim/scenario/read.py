@@ -472,6 +472,7 @@ class Reader:
             fmu=own["fmu"] or "",
             step=own["step"],
             offset=own["offset"],
+            edge=own["edge"] or "",
             values={name: value for _, name, value in given},
             origin={name: place for place, name, _ in given},
             sets=sets,

@@ -65,6 +65,7 @@ class Component:
     fmu: str
     step: int = 1
     offset: int = 0
+    edge: str = ""  # output that says where in its step a loop should end it [s]
     values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
     origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
     sets: Mapping[Path, Mapping[str, Value]] = field(default_factory=dict)  # its parameter sets, see `taken`

@@ -12,7 +12,9 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe.follow import Coil, Follow, Reading, decide, feed_back
 from gapsense.estimators.mhe.model import (
+    Bouncing,
     Device,
+    Model,
     Parameters,
     Point,
     advance,
@@ -77,6 +79,7 @@ from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, 
 
 FAR = 5.5  # deviations from what was told that a device of the type does not have
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
+CREEPING = 0.05  # of a voltage that is held: the rate of the model's flux linkage with which a coil is not settled yet
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
 
 
@@ -88,6 +91,7 @@ class Held(NamedTuple):
     held: Scalar = 0.0  # samples so far
     held_current: Scalar = 0.0
     held_drift: Scalar = 0.0  # last current less its mean
+    held_creep: Scalar = 0.0  # mean of the rate of the model's flux linkage
     held_resistance: Scalar = 0.0  # at the end of the last one that was long and large enough; or 0
     zero: Scalar = 0.0  # current that was measured at the end of the last one without voltage that was long enough
 
@@ -234,20 +238,22 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     has_voltage, can_read = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
     u = where(has_voltage, inputs.voltage, before.voltage)
     zero = where(is_set(par.option_zero), state.held.zero, 0.0)
-    i = where(can_read, inputs.current - zero, load(state.samples.currents, state.samples.newest))
+    last = load(state.samples.currents, state.samples.newest)
+    i = where(can_read, inputs.current - zero, last)
     is_edge, watch = drives(u - before.voltage, par), listen(state.watch, state.samples, u, i, par)
     par = as_seen(watch, told)
+    first = model(par, device(par))
     has_current = can_read & not_(is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     is_same_command = inputs.command == state.last_command
     samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)))
-    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, par)
+    creep = _rate(before, u, with_device(first, Device(*get(state.believed, START))))
+    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, creep, par)
     # the window
 
     def held_resistance() -> Scalar:
-        return where(held.held_resistance > 0.0, held.held_resistance, _resistance(held, par))
+        return where(held.held_resistance > 0.0, held.held_resistance, _settled_resistance(held, par))
 
-    first = model(par, device(par))
     window, is_first = state.work.window, state.work.pass_start == PassStart.first
     is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
     work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
@@ -267,7 +273,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     reading = Reading(voltage=u, current=i, counts=w > 0.0, variance=1.0 / weight(par))
 
     def open_loop() -> tuple[Array, Array]:
-        at = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m)))
+        bounces = Bouncing(is_set(watch.is_bouncing), 0.5 * (last + i))
+        at = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m, bounces)))
         return at, state.follow.covariance
 
     causal, covariance = cond(
@@ -282,6 +289,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_edge=is_edge,
         change=inputs.command - state.last_command,
         is_fed_back=is_set(state.follow.is_on),
+        before=before,
     )
     watch = watch_operation(watch, seen, now, work.learnt, m, par)
 
@@ -327,6 +335,11 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
 
 
+def _rate(p: Point, u: Scalar, m: Model) -> Scalar:
+    """Of the flux linkage of the model."""
+    return u - m.d.resistance * current(p, u, m)
+
+
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
     """Where the current is no longer fed back, since the mover is on a stop, a long window is dropped."""
     is_back, longest = not_(is_set(follow.is_on) | is_set(follow.is_futile)), par.window_longest / par.sample_time
@@ -368,20 +381,21 @@ def _forget_held(held: Held, goes_on: Scalar, par: Parameters) -> Held:
     return held._replace(held_resistance=where(goes_on | not_(is_set(par.option_command)), held.held_resistance, 0.0))
 
 
-def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
+def _hold(before: Held, u: Scalar, i: Scalar, creep: Scalar, par: Parameters) -> Held:
     changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
     share = where(changes, 1.0, RECENT)
     return when(changes, lambda held: _change_level(held, u, par), before)._replace(
         held=where(changes, 0.0, before.held + 1.0),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
+        held_creep=before.held_creep + share * (creep - before.held_creep),
         held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
     )
 
 
 def _change_level(before: Held, u: Scalar, par: Parameters) -> Held:
     """What the voltage that was held has told, when another one begins."""
-    R, is_long = _resistance(before, par), before.held >= par.window_tail / par.sample_time
+    R, is_long = _settled_resistance(before, par), before.held >= par.window_tail / par.sample_time
     is_off = is_long & (fabs(before.held_voltage) < par.edge)
     return before._replace(
         held_level=u,
@@ -399,6 +413,12 @@ def _resistance(held: Held, par: Parameters) -> Scalar:
     through = held.held_current - where(is_set(par.option_zero), held.zero, 0.0)
     ratio = held.held_voltage / where(is_large, through, 1.0)
     return where(is_long & is_large & is_settled & (ratio > 0.0), ratio, 0.0)
+
+
+def _settled_resistance(held: Held, par: Parameters) -> Scalar:
+    """The same, if the flux linkage of the model is settled too: slow coils creep for long."""
+    is_settled = fabs(held.held_creep) < CREEPING * fabs(held.held_voltage)
+    return where(is_settled, _resistance(held, par), 0.0)
 
 
 def _publish(

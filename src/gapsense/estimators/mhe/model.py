@@ -6,7 +6,7 @@ State (lambda, h, z, v): flux linkage, magnetomotive force of the hysteresis ove
 
 with reluctances over N^2, the conductance g_e of the eddy currents, S = m^3 / (1 - m^2), and Dahl's hysteresis (2)
 dh/dlambda = (I_h - s h) / L, s = sign(dlambda/dt), L = l_h (1 - 0.9 m^2).  The mover (3), m_z dv/dt = k (z_sp - z) -
-c v - R_g'(z) lambda^2 / 2, rests on a stop while the force points into it, and does not bounce.
+c v - R_g'(z) lambda^2 / 2, rests on a stop while the force points into it.  It bounces where its stops are told to.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from gapsense.estimators.gap import Gap, bump, gap, make_gap
 from gapsense.estimators.readings import RANGE_CURRENT, RANGE_VOLTAGE
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.kernels.elementary import exp, log
-from gapsense.kernels.interface import option, parameter, ports, same
-from gapsense.kernels.layout import Array, Scalar, Table
+from gapsense.kernels.interface import choice, fixed, option, parameter, ports, same
+from gapsense.kernels.layout import Array, Choice, Scalar, Table
 from gapsense.kernels.linalg import matrix, vector
-from gapsense.kernels.trace import clip, cond, fabs, not_, square, where
+from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, square, where
 
 QUIET_VOLTAGE, QUIET_CURRENT = 6.0, 0.05  # deviations of the noise within which a coil at rest stays as it is
 SMALL = 1e-6  # |m| below which a knee is none
@@ -31,6 +31,15 @@ SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
 # R_c, b and lambda_sat of the law above that is nearest to R_c0 / (1 - |lambda| / lambda_sat) of Froehlich, over R_c0,
 # R_c0 lambda_sat and lambda_sat: least squares of the relative error from 2 to 90 % of saturation; at most 10 % stay
 CORE, KNEE, SATURATION = 1.1185, 2.9351, 1.0428
+QUICK = 1.0  # angle of the oscillation on an elastic stop in a sampling period, from which it is as a hard one
+LITTLE = 2e-3  # of the stroke: a mover that would not come back by more stays where it is
+LOST = 2.0 / 3.0  # of what damping and speed make of it: nearly the law of Hunt and Crossley, up to half the speed
+
+
+class StopLaw(Choice):
+    """Stops that turn the speed round at once, or that give way."""
+
+    hard, elastic = range(2)
 
 
 EKF = same(reduced_model.Parameters)
@@ -54,6 +63,10 @@ class Parameters(NamedTuple):
     damping: Scalar = EKF
     stop_lower: Scalar = EKF
     stop_upper: Scalar = EKF
+    stop_law: Annotated[Scalar, StopLaw] = choice("Stops")
+    stop_restitution: Scalar = fixed("1", "Hard: speed after an impact over that before it", 0.0, min=0.0, max=0.95)
+    stop_stiffness: Scalar = fixed("N/m", "Elastic: force by depth", 1e6, min=1e-3)
+    stop_damping: Scalar = fixed("s/m", "Elastic: share by which it is larger, by speed inwards", 0.5, min=0.0)
     core_reluctance: Scalar = EKF
     core_saturation: Scalar = EKF
     core_bend: Scalar = EKF
@@ -138,6 +151,11 @@ class Model(NamedTuple):
     quiet_current: Scalar
     through: Scalar  # 1 / (1 + R g_e)
     load: Scalar  # R / (1 + R g_e) [ohm]
+    bounces: Scalar  # whether the mover does
+    is_elastic: Scalar  # the stops
+    give: Scalar  # what they give way [m/N], or 0
+    restitution: Scalar
+    stop_damping: Scalar
     exponent: Scalar = 0.0  # n of another knee, S = m^n, that records are explained by; 0: that of (1)
 
 
@@ -171,6 +189,11 @@ def model(par: Parameters, d: Device) -> Model:
         quiet_current=QUIET_CURRENT * par.noise_current,
         through=1.0,
         load=0.0,
+        bounces=(par.stop_law > 0.5) | (par.stop_restitution > 0.0),
+        is_elastic=par.stop_law > 0.5,
+        give=where(par.stop_law > 0.5, 1.0 / par.stop_stiffness, 0.0),
+        restitution=par.stop_restitution,
+        stop_damping=par.stop_damping,
     )
     return with_device(m, d)
 
@@ -282,7 +305,8 @@ def current(p: Point, mean: Scalar, m: Model) -> Scalar:
 def is_resting(p: Point, m: Model) -> Scalar:
     """On a stop, with a force that points into it."""
     is_held_down = (p.position <= m.lower) & (p.acceleration <= 0.0)
-    return is_held_down | ((p.position >= m.upper) & (p.acceleration >= 0.0))
+    is_held = is_held_down | ((p.position >= m.upper) & (p.acceleration >= 0.0))
+    return is_held & (not_(m.bounces) | (p.velocity == 0.0))
 
 
 def is_quiet(p: Point, mean: Scalar, m: Model) -> Scalar:
@@ -319,21 +343,32 @@ def gain(p: Point, e: Electric, dt: Scalar, m: Model) -> Scalar:
     return dt / (1.0 + 0.5 * dt * m.load * (p.mmf_slope + e.steepness * e.width))
 
 
-def advance(p: Point, voltage: Scalar, m: Model) -> Point:
+class Bouncing(NamedTuple):
+    """A mover that bounces makes currents that the model does not know; the flux linkage is that of the measured."""
+
+    bounces: Scalar = False  # whether it does
+    current: Scalar = 0.0  # measured mean in the sampling period
+
+
+NO_BOUNCE = Bouncing()
+
+
+def advance(p: Point, voltage: Scalar, m: Model, seen: Bouncing = NO_BOUNCE) -> Point:
     """The next sample, whose voltage is given: (2) exactly, (3) by Verlet's method."""
     mean, rests = mean_of(p.voltage, voltage, m), is_resting(p, m)
     e, stays = electric(p, mean, m), rests & is_quiet(p, mean, m)
     free = p.position + m.T_s * (p.velocity + 0.5 * m.T_s * p.acceleration)
-    z = where(rests, p.position, clip(free, m.lower, m.upper))
+    z, turned_round = _stopped(p, free, rests, m)
     change = gain(p, e, m.T_s, m) * (e.rate - 0.5 * m.load * p.slope * p.flux_linkage * (z - p.position))
+    change = where(seen.bounces, m.T_s * (mean - m.d.resistance * seen.current), change)
     lam = p.flux_linkage + where(stays, 0.0, change)
     turned = e.goal + (p.hysteresis - e.goal) * exp(-fabs(change) / e.length)
     h = where(stays, p.hysteresis, turned)
-    R, slope = cond(rests, lambda: (p.reluctance, p.slope), lambda: gap_at(z, m))
+    R, slope = cond(rests & (z == p.position), lambda: (p.reluctance, p.slope), lambda: gap_at(z, m))
     f, f_lam = magnetomotive(lam, h, R, m)
     stands, force = rests | not_(z == free), pull(z, lam, slope, m)
     a = (force - where(stands, 0.0, m.d.damping * (p.velocity + m.T_s * p.acceleration))) / m.d.mass
-    v = where(stands, 0.0, p.velocity + 0.5 * m.T_s * (p.acceleration + a))
+    v = where(stands, turned_round, p.velocity + 0.5 * m.T_s * (p.acceleration + a))
     return Point(
         flux_linkage=lam,
         hysteresis=h,
@@ -348,28 +383,74 @@ def advance(p: Point, voltage: Scalar, m: Model) -> Point:
     )
 
 
+def _stopped(p: Point, free: Scalar, rests: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """Position after a sampling period, `free` if there were no stops, and the velocity that a stop has left."""
+    within, is_outside = clip(free, m.lower, m.upper), (p.position < m.lower) | (p.position > m.upper)
+    meets = m.bounces & (rests | is_outside | not_(within == free))
+    return cond(meets, lambda: _turn_round(p, free, rests, m), lambda: (where(rests, p.position, within), 0.0))
+
+
+def _turn_round(p: Point, free: Scalar, rests: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+    """The same on a stop from which the mover comes back: depth and speed are counted into the stop.
+
+    A hard one turns the speed round at the sample.  On an elastic one the mover oscillates about the depth to which the
+    force presses it, and loses speed where it leaves: nearly as by the law of Hunt and Crossley.  At rest it is at that
+    depth.
+    """
+    into = where((free < m.lower) | (p.position < m.lower) | (rests & (p.position == m.lower)), -1.0, 1.0)
+    stop, push = where(into < 0.0, m.lower, m.upper), into * p.acceleration
+    pressed, depth = m.give * m.d.mass * push, into * (p.position - stop)
+    share = where(depth < 0.0, (stop - p.position) / where(depth < 0.0, free - p.position, 1.0), 0.0)
+    left, speed = (1.0 - share) * m.T_s, into * p.velocity + share * m.T_s * push
+    start = where(depth < 0.0, 0.0, depth)
+    omega = sqrt(1.0 / where(m.give > 0.0, m.give * m.d.mass, 1.0))
+    yields = (m.give > 0.0) & (omega * m.T_s < QUICK)
+
+    half = 0.5 * omega * left
+    tan = half + half * half * half / 3.0
+    cos, sin = (1.0 - tan * tan) / (1.0 + tan * tan), 2.0 * tan / (1.0 + tan * tan)
+    end = pressed + (start - pressed) * cos + speed / omega * sin
+    later = speed * cos - (start - pressed) * omega * sin
+    stays = yields & (end > 0.0)
+    back = _rebound(where(yields, -later, speed), m)
+    rise = 2.0 * LITTLE * (m.upper - m.lower) * fabs(push)
+    is_worth = (back > 0.5 * m.T_s * fabs(push)) & (back * back > rise)  # or it is down again with the next sample
+    back = where(is_worth, back, 0.0)
+    gone = where(yields, -end / where(stays | (start <= end), 1.0, start - end), 0.0)  # share of the time since it left
+    away = where(stays, end, -back * gone * left)
+    rest = where(pressed > 0.0, pressed, 0.0)
+    return stop + into * where(rests, rest, away), where(rests, 0.0, into * where(stays, later, -back))
+
+
+def _rebound(speed: Scalar, m: Model) -> Scalar:
+    """Speed after an impact."""
+    return speed * where(m.is_elastic, 1.0 / (1.0 + LOST * m.stop_damping * speed), m.restitution)
+
+
 # derivatives
 
 
 def differentiate(
-    T: Any, which: Sequence[int], p: Point, mean: Scalar, samples: Scalar, is_still: Scalar, m: Model
+    T: Any, which: Sequence[int], p: Point, mean: Scalar, samples: Scalar, is_still: Scalar, bounces: Scalar, m: Model
 ) -> tuple[Any, Any]:
     """Derivatives T (k, 4) of the state by some corrections, `samples` later, at p, and those of the current (k,).
 
     `which` says by which field of `Device` a row is; one more stands for the flux linkage at the start.  On a stop
-    position and velocity are given.
+    position and velocity are given, and while the mover `bounces` the flux linkage changes by R only.
     """
     e, dt = electric(p, mean, m), m.T_s * samples
-    step = where(is_still & is_quiet(p, mean, m), 0.0, gain(p, e, dt, m))
+    step = where((is_still & is_quiet(p, mean, m)) | bounces, 0.0, gain(p, e, dt, m))
     kept = exp(-fabs(step * e.rate) / e.length)
     drive, force = partials(p, e, m)
+    measured = where(bounces, -dt * m.d.resistance * e.current, 0.0)
     rise = [*NOTHING._replace(hysteresis=(1.0 - kept) * e.goal), 0.0]
     by_z = p.slope * p.flux_linkage
 
     def row(k: int, t: Array, z: Scalar, v: Scalar) -> list[Scalar]:
         through = p.mmf_slope * t[0] + 0.5 * by_z * (t[2] + z) + e.width * t[1] + drive[k]
         change = -(step * m.load) * through
-        return [t[0] + change, kept * (t[1] + e.steepness * change) + rise[k], z, v]
+        flux_linkage = t[0] + change + (measured if k == 0 else 0.0)
+        return [flux_linkage, kept * (t[1] + e.steepness * change) + rise[k], z, v]
 
     def moving() -> Any:
         _, _, curvature = gap(p.position, m.gap, m.d.gap, m.d.bend)

@@ -81,6 +81,7 @@ REJECT_UNTAUGHT = 30.0  # the same of the first one with a landing: what it teac
 LOST_MISFIT = 2.0  # of a window that goes before one that nothing explains: what was learnt is wrong
 GOOD_MISFIT = 1.5  # below it others may go back to what the window has taught
 PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
+PROOF = 2.0  # windows, a closing and an opening, that must be explained after a new beginning: the first may be a fault
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 JUMP = 0.03  # of R: a held voltage says better where to start
 
@@ -234,8 +235,7 @@ def _blind(par: Parameters) -> Array:
 def _is_behind(work: Work, par: Parameters) -> Scalar:
     """Whether more samples wait behind a window that nothing explained than are worth the work."""
     is_due = (work.phase == Phase.deriving) & not_(work.pass_start == PassStart.under_way)
-    grows = is_untaught(work.learnt, par) & is_set(work.window.has_grown)
-    is_new = is_due & (work.window.end <= 0.0) & not_(grows)
+    is_new = is_due & (work.window.end <= 0.0) & not_(is_set(work.window.has_grown))
     return is_new & (work.learnt.misfit >= REJECT_MISFIT) & (work.window.age > effort(work.learnt, par).backlog)
 
 
@@ -250,7 +250,7 @@ def _give_up(work: Work, causal: Point) -> Work:
     window, fit, learnt = work.window, work.fit, work.learnt
     return _open_window(
         work._replace(
-            window=window._replace(origin=put(window.origin, origin_of(causal)), age=1.0),
+            window=window._replace(origin=put(window.origin, origin_of(causal)), age=1.0, begins_loose=0.0),
             fit=fit._replace(q=put(fit.q, [*get(fit.q_prior, START), 0.0])),
             learnt=learnt._replace(given_up=learnt.given_up + 1.0),
             ready=0.0,
@@ -404,7 +404,7 @@ def _renew(work: Work) -> Work:
     """The next window begins with Pi of (8); what a good one has taught is noted."""
     fit = work.fit
     Pi = -get_matrix(fit.normal)
-    is_good = work.learnt.misfit < GOOD_MISFIT
+    is_good = (work.learnt.misfit < GOOD_MISFIT) & (work.learnt.rejected >= 0.0)
     return _open_window(
         work._replace(
             fit=fit._replace(prior=put_matrix(fit.prior, Pi)),
@@ -579,9 +579,9 @@ def _finish(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Par
 
 def _leave_window(work: Work, samples: Samples) -> Work:
     """The samples of the window can be published, and the next one begins where it ends."""
-    window = work.window
+    window, origin = work.window, put(work.window.origin, origin_of(Point(*work.walk.at)))
     return work._replace(
-        window=window._replace(origin=put(window.origin, origin_of(Point(*work.walk.at))), age=window.age - window.end),
+        window=window._replace(origin=origin, age=window.age - window.end, begins_loose=work.walk.is_loose),
         shown=where(work.ready > 0.0, work.shown, place(samples.newest, window.age)),
         ready=work.ready + window.end,
     )
@@ -615,11 +615,15 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
         P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, most)
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
-    explained = old.explained + flag(has_moved(work.walk))
+    moved = flag(has_moved(work.walk))
     return work._replace(
         phase=Phase.renewing,
         fit=fit._replace(q=store(fit.q, START, 0.0), normal=put_matrix(fit.normal, P), pivots_done=0.0),
-        learnt=old._replace(rejected=0.0, explained=explained, deviations=deviations),
+        learnt=old._replace(
+            rejected=where(old.rejected < 0.0, old.rejected + moved, 0.0),
+            explained=old.explained + moved,
+            deviations=deviations,
+        ),
     )
 
 
@@ -634,10 +638,11 @@ def _reject(work: Work, par: Parameters) -> Work:
     """The currents were not explained: the parameters stay what they were.
 
     After some such windows in a row they go back to those of the last good window, and after as many more to what was
-    known at the start; then in turn.  As long as nothing was explained, the next window begins with what explains this
-    one best.
+    known at the start; then in turn.  From there they go back at once, unless some windows were explained: the first
+    may be that of a fault.  As long as nothing was explained, the next window begins with what explains this one best.
     """
-    window, fit, n = work.window, work.fit, work.learnt.rejected + 1.0
+    window, fit, rejected = work.window, work.fit, work.learnt.rejected
+    n = where(rejected < 0.0, PATIENCE, rejected + 1.0)
     is_back, is_blind = n == PATIENCE, n >= 2.0 * PATIENCE
 
     def keep() -> tuple[Array, Array]:
@@ -656,7 +661,7 @@ def _reject(work: Work, par: Parameters) -> Work:
         work._replace(
             window=window._replace(origin=origin),
             fit=fit._replace(q=put(fit.q, [*q, 0.0]), prior=put_matrix(fit.prior, Pi)),
-            learnt=work.learnt._replace(rejected=where(is_blind, 0.0, n)),
+            learnt=work.learnt._replace(rejected=where(is_blind, -PROOF, n)),
         )
     )
     start = [where(goes_on, a, b) for a, b in zip(found, q)]

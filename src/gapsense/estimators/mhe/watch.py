@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.mhe.model import Model, Parameters, Point
-from gapsense.estimators.mhe.window import JUMP, Learnt, Samples, drives, place
+from gapsense.estimators.mhe.window import JUMP, Learnt, Samples, bounces_on, drives, place
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import clip, fabs, flag, is_set, load, not_, sqrt, square, when, where
 
@@ -24,6 +24,7 @@ YOUNG = 6.0  # how much patience there is at first
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
+FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
 
 
 class Edge(NamedTuple):
@@ -45,11 +46,13 @@ class Watch(NamedTuple):
     surprise: Scalar = 0.0  # mean of the innovations, of late [A]
     is_large: Scalar = 0.0  # flag: it is too large now
     is_strange: Scalar = 0.0  # flag: it was too large in this operation, which begins with an edge of the voltage
+    is_odd: Scalar = 0.0  # flag: it was too large in this operation to be fine
     is_moving: Scalar = 0.0  # flag: there was a motion in this operation
-    suspicion: Scalar = 0.0  # operations that must not be strange until one that was is forgotten
+    suspicion: Scalar = 0.0  # operations that must be fine until one that was strange is forgotten
     was_commanded: Scalar = 0.0  # flag: the command has changed
     has_moved: Scalar = 0.0  # flag: there was a motion since then
     is_still: Scalar = 0.0  # flag: there was none between the two changes before
+    is_bouncing: Scalar = 0.0  # flag: the mover bounces, and innovations do not count
 
 
 class Seen(NamedTuple):
@@ -61,6 +64,7 @@ class Seen(NamedTuple):
     is_edge: Scalar  # whether that is an edge
     change: Scalar  # of the command
     is_fed_back: Scalar  # whether the current was fed back
+    before: Point  # the causal estimate of the sample before
 
 
 def weight(par: Parameters) -> Scalar:
@@ -135,10 +139,12 @@ def is_untold(watch: Watch, told: Parameters) -> Scalar:
 
 
 def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
-    """An operation whose innovations are too large is strange; only two others, with motions, take that back."""
+    """An operation whose innovations are too large is strange; only two that are fine, with motions, take that back."""
     between = (now.position > par.stop_lower) & (now.position < par.stop_upper)
     is_known, by_place = learnt.explained >= _known(par), now.mmf_slope * m.through
-    counts = seen.has_current & not_(seen.is_edge)
+    is_bouncing = bounces_on(before.is_bouncing, seen.before, now, m)
+    is_lost = is_bouncing & seen.is_edge  # nobody knows where the mover is when the next operation begins
+    counts = seen.has_current & not_(seen.is_edge | is_bouncing)
     new = when(seen.is_edge, lambda watch: _begin(watch, is_known, learnt), before)
     edge = _place_edge(before.edge, new.spread, seen, counts & not_(between), now, m, par)
     unexpected = seen.innovation - by_place * edge.faded * edge.place
@@ -147,9 +153,11 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return new._replace(
         edge=edge,
+        is_bouncing=flag(is_bouncing),
         surprise=surprise,
         is_large=flag(is_large),
-        is_strange=where(is_large | seen.is_fed_back, 1.0, new.is_strange),
+        is_strange=where(is_large | is_lost | seen.is_fed_back, 1.0, new.is_strange),
+        is_odd=where(is_too_large(surprise / FINE, learnt, par), 1.0, new.is_odd),
         is_moving=where(between, 1.0, new.is_moving),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
@@ -175,10 +183,12 @@ def _begin(before: Watch, is_known: Scalar, learnt: Learnt) -> Watch:
     placed = PLACED * (square(before.edge.place) + before.edge.variance - before.spread)
     is_over = was_strange | is_set(before.is_moving)
     needed = where(learnt.explained > YOUNG, BOTH, 1.0)  # early ones are strange by what is yet to be learnt
-    less = where(before.suspicion > 0.0, before.suspicion - 1.0, 0.0)
+    is_less = (before.suspicion > 0.0) & not_(is_set(before.is_odd))
+    less = before.suspicion - flag(is_less)
     return before._replace(
         spread=before.spread + where(is_known & not_(was_strange), placed, 0.0),
         is_strange=where(is_over, 0.0, before.is_strange),
+        is_odd=where(is_over, 0.0, before.is_odd),
         is_moving=where(is_over, 0.0, before.is_moving),
         suspicion=where(is_over, where(was_strange, needed, less), before.suspicion),
     )
@@ -197,7 +207,7 @@ def _place_edge(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Po
 
 
 def is_strange(watch: Watch) -> Scalar:
-    """Whether this operation is, or one was, and not two with a motion since then were not."""
+    """Whether this operation is, or one was, and not two with a motion since then were fine."""
     return is_set(watch.is_strange) | (watch.suspicion > 0.0)
 
 

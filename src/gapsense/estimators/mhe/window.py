@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.mhe.model import (
+    Bouncing,
     Device,
     Model,
     Parameters,
@@ -85,6 +86,7 @@ class Window(NamedTuple):
     has_grown: Scalar = 0.0  # flag: it was made longer
     has_jumped: Scalar = 0.0  # flag: it began again with the resistance of a held voltage
     is_doubtful: Scalar = 0.0  # flag: the causal estimate was strange since it began
+    begins_loose: Scalar = 0.0  # flag: the mover bounces at its start
 
 
 class Walk(NamedTuple):
@@ -103,6 +105,7 @@ class Walk(NamedTuple):
     landing: Scalar = 0.0  # the first one
     speed: Scalar = 0.0
     landings: Scalar = 0.0
+    is_loose: Scalar = 0.0  # flag: it bounces since it has landed, and currents do not count
 
 
 class Fit(NamedTuple):
@@ -147,7 +150,7 @@ class Learnt(NamedTuple):
     windows: Scalar = 0.0  # so far
     misfit: Scalar = 0.0  # cost over what noise and model error make (9)
     given_up: Scalar = 0.0  # windows since then that were not solved before the memory was full
-    rejected: Scalar = 0.0  # windows in a row that nothing explained
+    rejected: Scalar = 0.0  # windows in a row that nothing explained; below 0: so many must be after a new beginning
     explained: Scalar = 0.0  # windows with a motion that were
 
 
@@ -287,7 +290,7 @@ def begin_pass(work: Work, m: Model, par: Parameters) -> Work:
     return work._replace(
         pass_start=PassStart.under_way,
         is_followed=0.0,
-        walk=first_walk(at, par),
+        walk=first_walk(at, par)._replace(is_loose=work.window.begins_loose),
         fit=when(not_(is_trying), _clear_sums, fit),
     )
 
@@ -376,10 +379,13 @@ def _visit(walk: Walk, window: Window, samples: Samples, m: Model, par: Paramete
     """The next sample, and w^2 r of it."""
     before, spot = Point(*walk.at), place(samples.newest, window.age - walk.done - 1.0)
     u, i, w = (load(memory, spot) for memory in (samples.voltages, samples.currents, samples.weights))
-    at, mean = advance(before, u, m), mean_of(before.voltage, u, m)
+    last, bounces = load(samples.currents, place(samples.newest, window.age - walk.done)), is_set(walk.is_loose)
+    at, mean = advance(before, u, m, Bouncing(bounces, 0.5 * (last + i))), mean_of(before.voltage, u, m)
     i_model = current(at, mean, m)
     r = i - i_model
     is_on_stop = (at.position <= m.lower) | (at.position >= m.upper)
+    is_loose = bounces_on(walk.is_loose, before, at, m)
+    w = where(is_loose, 0.0, w)
     is_driven = drives(u, par) | (fabs(i_model) > LARGE * par.noise_current)
     new = walk._replace(
         done=walk.done + 1.0,
@@ -389,6 +395,7 @@ def _visit(walk: Walk, window: Window, samples: Samples, m: Model, par: Paramete
         driven=walk.driven + flag(is_driven),
         cost=walk.cost + w * r * r,  # (4)
         counted=walk.counted + w,
+        is_loose=flag(is_loose),
     )
     is_plain = (new.still > 1.0) | (new.still + walk.still < 1.0)
     return when(not_(is_plain), lambda new: _note_event(walk, new, before, m), new), w * r
@@ -399,7 +406,8 @@ def _note_event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:
     lands = new.still > 0.0
     is_first = lands & (walk.landings < 1.0)
     free = m.T_s * (before.velocity + 0.5 * m.T_s * before.acceleration)
-    share = clip((new.at[2] - before.position) / where(fabs(free) > 0.0, free, 1.0), 0.0, 1.0)
+    moved = clip(new.at[2], m.lower, m.upper) - before.position
+    share = clip(moved / where(fabs(free) > 0.0, free, 1.0), 0.0, 1.0)
     speed = fabs(before.velocity + share * m.T_s * before.acceleration)
     return new._replace(
         takeoff=where(lands | (walk.takeoff >= 0.0), walk.takeoff, walk.done),
@@ -412,12 +420,12 @@ def _note_event(walk: Walk, new: Walk, before: Point, m: Model) -> Walk:
 def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
     """Derivatives J of the current at the sample that the pass has come to; H and g of (5) with them."""
     walk, fit = work.walk, work.fit
-    weight = walk.counted - fit.summed
+    weight, is_still, bounces = walk.counted - fit.summed, walk.still > 0.0, is_set(walk.is_loose)
 
     def add(which: tuple[int, ...]) -> tuple[Array, Array, Array]:
         tangents, gradient = fit.tangents, fit.gradient
         T = matrix([[load(tangents, 4 * k + n) for n in range(4)] for k in which])
-        T, J = differentiate(T, which, Point(*walk.at), walk.mean, walk.pending, walk.still > 0.0, m)
+        T, J = differentiate(T, which, Point(*walk.at), walk.mean, walk.pending, is_still, bounces, m)
         for k, row, slope in zip(which, T, J):
             for n in range(4):
                 tangents = store(tangents, 4 * k + n, row[n])
@@ -437,6 +445,17 @@ def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
 def drives(u: Scalar, par: Parameters) -> Scalar:
     """Whether a voltage, or a change of it, is more than what noise and a controller at rest make."""
     return fabs(u) > par.edge + JUMP * par.noise_voltage
+
+
+def bounces_on(bounced: Scalar, before: Point, at: Point, m: Model) -> Scalar:
+    """Whether the mover comes back from a stop that it meets, or has and does not rest yet."""
+    meets = is_between(before, m) & not_(is_between(at, m))
+    return m.bounces & not_(at.velocity == 0.0) & (meets | is_set(bounced))
+
+
+def is_between(at: Point, m: Model) -> Scalar:
+    """Whether the mover is between its stops."""
+    return (at.position > m.lower) & (at.position < m.upper)
 
 
 def is_idle(walk: Walk) -> Scalar:

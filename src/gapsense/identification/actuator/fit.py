@@ -66,10 +66,10 @@ MORE = {  # the same, where the records ask for more
     "core_exponent": 0.3,
     "gap_fringing": 1.0,
     "gap_window": 1.0,
-    "stop_stiffness": 0.9,
-    "stop_damping": 1.0,
+    "contact_stiffness": 0.9,
+    "contact_damping": 1.0,
 }
-STOPS = ("stop_stiffness", "stop_damping")
+STOPS = ("contact_stiffness", "contact_damping")
 PLACE_STEP = 1e-3  # of a difference quotient
 BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
 KERNEL = Kernel(simulated)

@@ -25,8 +25,8 @@ class Beyond(NamedTuple):
     """What the model of `Mhe` has not."""
 
     core_exponent: Scalar = 0.0  # n of a knee b m^n; 0: that of `Mhe`
-    stop_stiffness: Scalar = 0.0  # k [N/m]; 0: hard stops, without a bounce
-    stop_damping: Scalar = 0.0  # b [s/m]
+    contact_stiffness: Scalar = 0.0  # k [N/m]; 0: hard stops, without a bounce
+    contact_damping: Scalar = 0.0  # b [s/m]
 
 
 USUAL = Beyond()
@@ -55,7 +55,7 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Without flux, on the stop to which the spring pushes, as deep in it as that takes."""
-    m, known, k = _model(par), par.known, par.beyond.stop_stiffness
+    m, known, k = _model(par), par.known, par.beyond.contact_stiffness
     z = clip(m.d.rest, known.stop_lower, known.stop_upper)
     z = z + where(k > 0.0, m.stiffness * (m.d.rest - z), 0.0) / where(k > 0.0, m.stiffness + k, 1.0)
     at = point(0.0, 0.0, z, 0.0, inputs.voltage, _touching(z, 0.0, m, par))
@@ -78,10 +78,10 @@ def _touching(z: Scalar, v: Scalar, m: Model, par: Parameters) -> Model:
     """The model with what an elastic stop does to the mover at its position and speed in place of hard stops."""
     lower, upper, stops = par.known.stop_lower, par.known.stop_upper, par.beyond
     at = clip(z, lower, upper)
-    firm = 1.0 + stops.stop_damping * where(z < lower, -v, v)
-    k = where((z < lower) | (z > upper), stops.stop_stiffness * where(firm > 0.0, firm, 0.0), 0.0)
+    firm = 1.0 + stops.contact_damping * where(z < lower, -v, v)
+    k = where((z < lower) | (z > upper), stops.contact_stiffness * where(firm > 0.0, firm, 0.0), 0.0)
     rest = (m.stiffness * m.d.rest + k * at) / where(k > 0.0, m.stiffness + k, 1.0)
-    is_elastic = stops.stop_stiffness > 0.0
+    is_elastic = stops.contact_stiffness > 0.0
     return m._replace(
         stiffness=m.stiffness + k,
         d=m.d._replace(rest=where(k > 0.0, rest, m.d.rest)),
@@ -105,4 +105,6 @@ def _beside(start: Scalar, end: Scalar, before: Model, after: Model, par: Parame
 def _model(par: Parameters) -> Model:
     """The model without a rest that begins at a threshold, which no fit could take derivatives of."""
     known = par.known
-    return model(known, device(known))._replace(quiet_voltage=0.0, quiet_current=0.0, exponent=par.beyond.core_exponent)
+    return model(known, device(known))._replace(
+        quiet_voltage=0.0, quiet_current=0.0, bounces=False, exponent=par.beyond.core_exponent
+    )

@@ -39,6 +39,7 @@ from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
 PORTS = {port.field: port for port in load_component(own("mhe")).of("parameter")}
+STOPPED = {field: PORTS.pop(field.replace("contact", "stop")) for field in STOPS}
 LEARNT = {  # deviations before the first window of `Mhe`, by the fields that they are about
     "prior.eddy": "core_eddy",
     "prior.gap": "gap_factor",
@@ -48,8 +49,7 @@ LEARNT = {  # deviations before the first window of `Mhe`, by the fields that th
     "prior.mass": "mover_mass",
     "prior.rest": "spring_rest",
 }
-STOPPED = {port.field: port for port in load_component(own("table_actuator")).of("parameter") if port.field in STOPS}
-NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend")
+NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend", "stop_law", "stop_restitution")
 MOVES = 0.01  # of the stroke
 LEAST = 3e-3  # of these: the device is another one tomorrow
 
@@ -96,11 +96,11 @@ def priors(result: Commissioned) -> dict[str, float]:
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
     """What was given, with what was found; without a sampling period of the estimators that of the records."""
     dt, (result, left) = result.drives[0].record.dt, with_usual_knee(result)
-    models = [at_rest(m, result.parameters) if result.beyond.stop_stiffness else m for m in result.models]
+    models = [at_rest(m, result.parameters) if result.beyond.contact_stiffness else m for m in result.models]
     tuning = scaled([d.record for d in result.drives], models, result.residuals, result.parameters)
     error = max(left, tuning.get("model.error", float(result.parameters.model_error)))
     tuning |= {"model.error": left} if error == left else {}
-    law = {"stop.law": "elastic"} if result.beyond.stop_stiffness else {}
+    law = {"stop.law": "elastic"} if result.beyond.contact_stiffness else {}
     return {"sample_time": dt, **device(result.parameters), **tuning, **given, **law, **found_values(result)}
 
 
@@ -250,11 +250,11 @@ def asked(result: Commissioned) -> str:
     """What the records have asked for beside the usual numbers, and who has it."""
     beyond, (_, left) = result.beyond, with_usual_knee(result)
     leak = "a leak beside the gap (`gap.window`), " if "gap_window" in result.names else ""
-    stops = " and elastic stops, on which the mover bounces" if beyond.stop_stiffness else ""
+    stops = " and elastic stops, on which the mover bounces," if beyond.contact_stiffness else ""
     return (
         f"The usual model does not explain this: {leak}a knee b m^{beyond.core_exponent:.3g} of the core{stops} are in"
         f" these values. Estimators have no such knee: the set has the nearest of theirs, which leaves"
-        f" {quantity(left, 'A')}.{' They do not bounce: `TableActuator` has these stops.' if stops else ''}"
+        f" {quantity(left, 'A')}."
     )
 
 
