@@ -20,6 +20,11 @@ COMPONENT = Component(
             "a window has at most 2000 samples, so that the memory of 8192 holds those that wait, too",
         ),
         Limit(
+            (("window.longest", 1), ("sample_time", -1), ("window.memory", -1)),
+            0.5,
+            "half of the samples that are kept are for those that wait; keep more, or take a shorter window",
+        ),
+        Limit(
             (("sample_time", 1), ("window.tail", -1)),
             0.075,
             "a motion has too few samples; sample more often, or say by a longer `window.tail` that motions are slower",

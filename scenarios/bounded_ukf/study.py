@@ -9,7 +9,7 @@ import typer
 
 from gapsense.cli.common import Out, study
 from gapsense.cli.console import bar, show, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 FIGURES["bounded_ukf"] = f"{__package__}.show:run_figure"
 

@@ -11,7 +11,7 @@ import typer
 from gapsense._os.workers import Progress
 from gapsense.cli.common import Out, study
 from gapsense.cli.console import bar, show, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 FIGURES["condition"] = f"{__package__}.show:run_figure"
 

@@ -10,7 +10,7 @@ import typer
 from gapsense import cosim
 from gapsense.cli.common import Fmus, Out, Scenario, study
 from gapsense.cli.console import COMPONENT_FAILED, INTERRUPTED, bar, problem, show, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 Variants = Annotated[
     list[str] | None,

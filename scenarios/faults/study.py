@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gapsense.cli.common import Fmus, Out, Scenario, study
 from gapsense.cli.console import APART, show, stop_if_interrupted, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 SENSOR = ("bias", "drift", "stuck", "dropout", "noise")  # variants drawn side by side
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gapsense import cosim
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 FIGURES["locked_plunger"] = f"{__name__}:run_figure"
 

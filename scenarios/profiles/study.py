@@ -11,7 +11,7 @@ import typer
 from gapsense.cli import common, console
 from gapsense.cli.common import Fmus, Out, Scenario, Workers, study
 from gapsense.cli.console import bar, problem, show, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 ALL = (None, "thresholds", "threshold_mode", "early")
 Variants = Annotated[

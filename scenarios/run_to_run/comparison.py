@@ -10,7 +10,7 @@ import numpy as np
 
 from gapsense._os.workers import Progress
 from gapsense.problems import suggest
-from gapsense.studies.tasks import Facts, compute
+from gapsense.studies.runs import Facts, compute
 
 from .conditions import CONDITIONS
 from .cycles import NUMBERS, Outcome, of_task, read

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from gapsense.control.judging import LOWER, MOVING, UPPER
 from gapsense.control.run_to_run import BACK
-from gapsense.studies.tasks import Facts
+from gapsense.studies.runs import Facts
 
 from . import forward, searches
 from .chain import Running

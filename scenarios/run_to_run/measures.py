@@ -147,7 +147,8 @@ def noticed(outcome: Outcome) -> Noticed:
     now, next_one, same = slice(since, end), slice(since + 1, end + 1), slice(since + 2, end + 2)
     is_hard, is_gentle = is_soft[now] & (speeds[now] > HARD), is_soft[now] & (speeds[now] < SOFT)
     is_new = was_warned[next_one] & ~was_warned[now]
-    harder = outcome.speeds > ORDINARY * outcome.speeds[0]
+    has_closed = outcome.speeds[0, 0] < NEVER  # else its ordinary opening is none, from where the mover floats
+    harder = outcome.speeds > ORDINARY * np.where(has_closed, outcome.speeds[0], NEVER)
     found = (
         is_hard,
         is_hard & is_told[next_one],

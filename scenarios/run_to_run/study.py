@@ -9,7 +9,7 @@ import typer
 
 from gapsense.cli.common import Out, Workers, study
 from gapsense.cli.console import bar, show, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 FIGURES["run_to_run"] = f"{__package__}.figure:run_figure"
 

@@ -10,7 +10,7 @@ import typer
 from gapsense import cosim
 from gapsense.cli.common import Fmus, Out, Scenario, Variant, study
 from gapsense.cli.console import APART, bar, show, stop_if_interrupted, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 FIGURES["semera"] = f"{__package__}.show:run_figure"
 

@@ -14,7 +14,7 @@ from gapsense._os.workers import Progress
 from gapsense.estimators.reduced_model import Model
 from gapsense.estimators.rts import Floats, motions
 from gapsense.kernels.lanes import Plan, Row, plan
-from gapsense.studies.tasks import Facts, compute
+from gapsense.studies.runs import Facts, compute
 
 from . import batch
 from .batch import Tuning, Variant, Varied

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from gapsense.estimators.reduced_model import Model, gap_law, normalised
 from gapsense.estimators.rts import Floats, motions
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.studies.tasks import Facts
+from gapsense.studies.runs import Facts
 
 from .batch import MOVING, Tuning, Varied
 from .core_fit import fit_core

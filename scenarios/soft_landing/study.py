@@ -9,7 +9,7 @@ import typer
 
 from gapsense.cli.common import FigureFile, Out, Output, Workers, command, study
 from gapsense.cli.console import bar, show, written
-from gapsense.studies.figures import FIGURES
+from gapsense.studies import FIGURES
 
 from .trajectory import FIG_5, Trajectory
 

@@ -1310,6 +1310,8 @@ class Mhe(Runnable):
         Longest window; at most 2000 samples.
     window_pace : float, 0 to 64, by default 0.0
         Pieces of the work on a window in a step; 0: by the sample time.
+    window_memory : float, 64 to 8192, by default 8192.0
+        Samples that are kept; a constant of exported C, which has room for no more.
     publish_within : float [s], at least 0, by default 0.0
         Age beyond which a sample is not published; 0: all are.
     prior_resistance : float, at least 0, by default 0.15
@@ -1473,6 +1475,7 @@ class Mhe(Runnable):
         window_tail: float = ...,
         window_longest: float = ...,
         window_pace: float = ...,
+        window_memory: float = ...,
         publish_within: float = ...,
         prior_resistance: float = ...,
         prior_eddy: float = ...,

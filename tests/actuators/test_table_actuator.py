@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 from static_table import FILE, FLUX_LINKAGES, GAPS, current, write
 
+from gapsense import TableActuator
 from gapsense.actuators import reluctance_actuator, table_actuator
-from gapsense.fmi.components import kernel_parameters, own
+from gapsense.fmi.components import kernel_parameters, load_component, own
 from gapsense.kernels.interpolate import surface, surface_patch
 from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE, driven
@@ -23,8 +24,26 @@ ENERGIES = ("supplied_energy", "dissipated_energy", "stored_energy")
 ELASTIC = {"stop_law": 1.0, "stop_stiffness": 1e6}
 
 
+PORTS = {port.field: port for port in load_component(own("table_actuator")).of("parameter")}
+
+
 def run(voltage, *names, **given):
-    return driven(table_actuator, TABLE._replace(**given), np.asarray(voltage, float), STEP, *names).T
+    """As `driven`, by the class of the component: in C where there is a compiler, with the same bits."""
+    values = {PORTS[name].name.replace(".", "_"): as_told(PORTS[name], x) for name, x in given.items()}
+    made = TableActuator(**values)
+    return np.array([*made.run(np.r_[0.0, voltage[:-1]], sample_time=STEP, outputs=names).outputs.values()])
+
+
+def as_told(port, number):
+    """A number of the kernel as the component takes it."""
+    return port.choices[int(number)] if port.choices else bool(number) if port.kind == "Boolean" else number
+
+
+def test_class_has_the_bits_of_the_kernel():
+    """What most tests here rely on."""
+    voltage, given = square_wave()[450:600], {"hysteresis": 1.0, "stop_law": 1.0, "initial_position": 0.5e-3}
+    expected = driven(table_actuator, TABLE._replace(**given), voltage, STEP, *ENERGIES, "position").T
+    assert run(voltage, *ENERGIES, "position", **given).tobytes() == np.ascontiguousarray(expected).tobytes()
 
 
 def square_wave(cycles=1, high=30.0):

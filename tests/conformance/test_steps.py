@@ -34,7 +34,12 @@ HUGE = [pytest.param((size,), marks=pytest.mark.slow) for size in (1e3, 1e9)]  #
 
 @pytest.mark.parametrize("sizes", [(1e-300, 1e-30, 1e-15, 0.02), *HUGE])
 def test_tiny_and_huge_steps_are_taken_or_refused(subject: Subject, one: Instance, sizes: tuple[float, ...]) -> None:
-    """Sampled components take whole multiples and fractions alone; outputs stay finite in any case."""
+    """Sampled components take whole multiples and fractions alone; outputs stay finite in any case.
+
+    An actuator makes as many micro-steps of 1e3 s as of 1e9 s, the most that it makes: in Python only those of 1e9 s.
+    """
+    if sizes == (1e3,) and subject.kind == "python" and not subject.period:
+        pytest.skip("as many micro-steps as of 1e9 s")
     for size in sizes:
         if subject.period:
             size = {0.02: 100.0, 1e3: 1000.0, 1e9: 10000.0}.get(size, size / subject.period) * subject.period

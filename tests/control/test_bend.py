@@ -135,7 +135,7 @@ def test_bend_where_hardly_any_flux_linkage_is_left_is_no_hit():
 
 def test_contact_long_after_a_hit_is_a_second_landing():
     """Though in time: the mover was pushed back from its stop between two samples."""
-    state = watched(hit(CLOSING, 0.75, 220.0), 262.0)
+    state = watched(hit(CLOSING, 0.85, 220.0), 262.0)
     assert state.heard.landing == pytest.approx(220.0, abs=5) and state.noted.changed == 1.0
 
 

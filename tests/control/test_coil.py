@@ -1,5 +1,7 @@
 """Resistance and flux linkage of a coil whose resistance is another one than believed."""
 
+from random import Random
+
 import pytest
 from commanded import inputs, parameters
 
@@ -14,6 +16,7 @@ from gapsense.control.coil import (
     left_open,
     open_flux,
     raised,
+    told,
     topped,
     zeroed,
 )
@@ -113,6 +116,27 @@ def test_ordinary_closing_that_leaves_the_mover_open_is_told_by_the_reluctance(R
     assert not left_open(changing, PAR)
     assert left_open(changing._replace(flux=5e-3, measured=48.0), PAR)  # and floats
     assert not left_open(coil._replace(held_current=0.0, late_current=0.0), PAR)
+
+
+def test_mover_that_closes_slowly_is_not_left_open():
+    """The reluctance says that it is; the current, which falls by 3 % while the mover moves, that it has landed."""
+    noise, coil = Random(1), driven(48.0, 48.0, samples=490)[0]
+    level, rows = 0.7 * coil.last_current, {}
+    for dip in (0.0, 0.03):
+        now = coil._replace(last_current=level, held_current=level, late_current=level, highest=0.0, rise=0.0)
+        for k in range(300):
+            current = level * (1.0 - dip * (k < 100)) + noise.gauss(0.0, 2e-3)
+            now = integrated(now, inputs(voltage=24.0, current=current), NOT_LATE, PAR)[0]
+        rows[dip] = left_open(now._replace(flux=0.7 * coil.flux, charge=0.0, noise=2e-3), PAR)
+    assert rows == {0.0: True, 0.03: False}
+
+
+def test_resistance_is_that_of_an_estimator_only_where_it_explains_its_windows():
+    """Else ordinary closings would get the voltage of a wrong one, by up to 1.9."""
+    given = {"windows": 4.0, "estimated_resistance": 70.0}
+    coil = first_coil(inputs(), PAR)._replace(measured=49.0)
+    assert told(coil, 1.0, inputs(misfit=7.0, **given), PAR).resistance == 49.0
+    assert told(coil, 1.0, inputs(misfit=1.0, **given), PAR).resistance == 70.0
 
 
 def test_ordinary_closing_takes_more_current_than_that_which_left_the_mover_open():

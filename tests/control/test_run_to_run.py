@@ -7,6 +7,7 @@ import pytest
 from commanded import commanded, inputs, parameters
 
 from gapsense.control import run_to_run
+from gapsense.control.coil import DRIVEN
 from gapsense.control.judging import WARNINGS
 from gapsense.control.records import LawKind
 from gapsense.estimators.gap import gap, make_gap
@@ -124,6 +125,8 @@ def test_ordinary_closings_that_leave_the_mover_open_are_told_and_get_more_volta
     said = {(row.state, row.warnings) for row in rows[98:297]}  # 8: the estimator explains nothing
     assert said == {(OPEN, 512.0)} if law == LawKind.contact else said == {(OPEN, 512.0), (OPEN, 520.0)}
     assert {row.voltage_reference for row in rows[200:297]} == {par.voltage_most}
+    has_more = state.coil.needed > DRIVEN * par.voltage_hold / par.coil_resistance
+    assert has_more == (law == LawKind.model)  # from then on; a contact that says nothing is dead
 
 
 @pytest.mark.parametrize(("command", "is_closed"), [(0.5, 0.0), (0.51, 1.0), (1e9, 1.0), (-1.0, 0.0), (math.inf, 1.0)])

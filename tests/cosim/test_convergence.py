@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 import gapsense
 from gapsense import cosim
 from gapsense.cli import app
-from gapsense.cli import converge as cli
+from gapsense.cli import compare as cli
 from gapsense.cosim import convergence
-from gapsense.cosim.coupling import both_ways
+from gapsense.cosim.check import both_ways
 from gapsense.cosim.result.tendency import excused, greatest, longest, observed, quantum
 from gapsense.problems import FmuError, ScenarioError
 

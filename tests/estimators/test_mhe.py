@@ -52,6 +52,16 @@ def test_every_operation_is_told_once(resistance: float) -> None:
         assert found["bounces"][at] == 0.0 and landed < at < landed + 500
 
 
+def test_samples_that_are_kept_need_not_be_more_than_wait() -> None:
+    """The same bits with a quarter of them; with room for little more than two windows it is as good."""
+    s = plant()
+    given, par = rows(s.voltage, noisy(s)), blind()
+    found, fewer = run(par, given), run(par._replace(window_memory=2048.0), given)
+    assert all(np.array_equal(found[name], fewer[name]) for name in found)
+    least = errors(run(par._replace(window_memory=1040.0, window_longest=10.3e-3), given), s)
+    assert least.causal < 8.5 and least.smoothed < 7.0
+
+
 def test_the_gap_table_is_as_good_as_the_law() -> None:
     s = plant()
     assert errors(run(blind(gap_law=1.0), rows(s.voltage, noisy(s))), s).causal < 8.5

@@ -18,7 +18,7 @@ from gapsense.identification.residual import residual, verdict
 from gapsense.identification.valve.driver import UNKNOWN, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
 from gapsense.identification.valve.form import Sought, value_of
-from gapsense.identification.valve.model import prepare, simulate_experiment, take_out_causes
+from gapsense.identification.valve.model import prepare, prepare_all, simulate_experiment, take_out_causes
 from gapsense.identification.valve.show import labels, remarks
 from gapsense.studies.devices import VALVE
 
@@ -69,6 +69,16 @@ def test_edges_that_lie_differently_have_a_place_each():
     assert len(result.places) == 5 and np.ptp([*result.places.values()]) > 0.3
     assert max(map(abs, z(result).values())) < 3.0 and result.uncertainty.relative[0] < 0.006
     assert "the place of each is sought" in " ".join(remarks(result)) and labels(result)[-1] == "coil.resistance"
+
+
+@pytest.mark.parametrize("convention", ["end", "start", "trapezoid"])
+def test_places_of_edges_begin_where_the_reading_of_the_voltage_has_them(convention):
+    before = prepare_all([made(35, 1)], None, convention).moved({"delay": 10e-6})
+    after = before.read_between(before.edges)
+    assert after.convention == "trapezoid" and "delay" not in after.drive
+    assert [*after.places.values()] == pytest.approx([{"end": -0.3, "start": 0.7}.get(convention, 0.2)] * 3)
+    volts = [prepared.records[0].halves[20:140].sum(axis=1).cumsum() for prepared in (before, after)]
+    assert volts[0] == pytest.approx(volts[1], abs=0.2)
 
 
 def test_drift_of_the_current_is_told_as_such():

@@ -48,6 +48,16 @@ def test_sharp_edges_and_fast_ones_tell_no_filter():
     assert find_low_pass(coarse) is None
 
 
+def test_coil_that_rings_after_a_clamp_is_no_filter():
+    """Of means over the intervals: before, the ringing was taken for a low-pass, and mass was 3.9 stated errors off."""
+    t = np.arange(600.0)
+    ringing = np.where(t >= 152.0, -60.0 * np.exp(-(t - 152.0) / 3.0) * np.cos((t - 152.0) / 1.2), 0.0)
+    v = np.where((t >= 31.0) & (t < 131.0), 30.0, np.where((t >= 131.0) & (t < 152.0), -60.0, ringing))
+    v[31], v[131] = 15.0, -15.0  # half-way between two samples
+    v += NOISE * np.random.default_rng(1).standard_normal(v.size)
+    assert find_low_pass(v) is None and find_low_pass(-v) is None
+
+
 @pytest.mark.parametrize("low_pass", [LowPass(0.3), LowPass(1.6), LowPass(0.9, 0.4), LowPass(2.0, 1.0)])
 def test_filter_without_its_delay_keeps_a_straight_line(low_pass):
     by, t = weights(low_pass), np.arange(300.0)

@@ -101,6 +101,14 @@ def test_all_problems_are_told_at_once(tmp_path: Path) -> None:
     assert code == 2 and "noise.current" in text and "--set, x:" in text
 
 
+def test_what_does_not_fit_into_the_memory_is_refused(tmp_path: Path) -> None:
+    code, text = run("semera", "--ram", "4200", "--out", str(tmp_path / "out"))
+    assert code == 2 and "more than the 4,200 that there are. Take fewer `--outputs` or `--bake`" in text
+    assert not (tmp_path / "out").exists()
+    assert run("semera", "--ram", "65536", "--out", str(tmp_path))[0] == 0
+    assert "LENGTH = 65536\n" in (tmp_path / "cortex_m" / "link.ld").read_text()
+
+
 def test_an_earlier_export_is_replaced(tmp_path: Path) -> None:
     for outputs in ("resistance", "quality"):
         assert run("semera", "--outputs", outputs, "--out", str(tmp_path))[0] == 0

@@ -12,8 +12,9 @@ import pytest
 from host import ROOT, compile_, expected, played
 
 from gapsense.embedded.design import Design, designed
-from gapsense.embedded.export import export, written
+from gapsense.embedded.export import check_memory, export, memory, written
 from gapsense.fmi.components import find_components, load_component
+from gapsense.problems import InputError
 
 FOLDERS = {folder.name: folder for folder in find_components(ROOT / "fmus")}
 # Largest error of float on the reference record, of the largest value of each output. The records of `ekf`, `ertss` and
@@ -121,6 +122,25 @@ def test_no_output_but_those_wanted_is_computed() -> None:
     assert {"waiting", "samples"} < set(every.kept["state"])
     assert not {"waiting", "samples", "windows"} & set(few.kept["state"])
     assert few.kept["outputs"] == ["flux_linkage"]
+
+
+@pytest.mark.parametrize("is_baked", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_memory_is_for_the_samples_that_are_kept_and_its_bits_are_those_of_the_kernel(
+    is_baked: bool, tmp_path: Path
+) -> None:
+    given = {"window.memory": 256.0, "window.longest": 2e-3, "option.command": True}
+    design = designed(FOLDERS["mhe"], "double", ("position", "smoothed_position"), given, is_baked)
+    assert same(played(design, tmp_path), expected(design))
+    text = (tmp_path / "mhe.h").read_text()
+    assert all(f"double {name}[256];" in text for name in ("voltages", "weights", "commands", "positions"))
+    assert "window_memory;" not in text  # it can no longer be changed
+    assert memory(design) < 256 * 40 + 7000 and "10,240 bytes are for" in (tmp_path / "README.md").read_text()
+    with pytest.raises(InputError, match=r"more than the 16,000 .*`--set window.memory=\d+`") as told:
+        check_memory([design], 16000)
+    count = int(str(told.value).partition("window.memory=")[2].partition("`")[0])
+    check_memory([design._replace(values={**design.values, "window_memory": count})], 16000)
+    with pytest.raises(InputError, match=f"window.memory={count}`"):
+        check_memory([design._replace(values={**design.values, "window_memory": count + 1})], 16000)
 
 
 def test_parameters_that_no_output_needs_are_not_asked_for() -> None:

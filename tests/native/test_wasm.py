@@ -21,7 +21,7 @@ from wasmtime import component as wit
 from gapsense._os.native import ZIG, NativeError, zig_version
 from gapsense.fmi.components import own
 from gapsense.fmi.native import package, platforms
-from gapsense.fmi.native.component import EMPTY, FOLDER, component, leb128
+from gapsense.fmi.native.compile import EMPTY, FOLDER, component, leb128
 from gapsense.fmi.native.platforms import WASM, chosen, compilers, here
 
 DRIVE, EKF = own("drive_voltage"), own("ekf")

@@ -15,7 +15,7 @@ from matplotlib.image import imread
 from gapsense.cosim import load, run
 from gapsense.report import plot as figures
 from gapsense.scenarios.semera_valve.show import LABELS, snr
-from gapsense.studies.figures import drawer
+from gapsense.studies import drawer
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gapsense.scenarios.pot_magnet.figure import LABELS, last_edge
-from gapsense.studies.figures import drawer
+from gapsense.studies import drawer
 
 
 def test_figures_4_to_7_have_their_panels_and_curves(magnet):

@@ -17,8 +17,8 @@ from gapsense.scenarios.soft_landing.setting import nominal, unvaried
 from gapsense.scenarios.soft_landing.show import LABELS, smoothed
 from gapsense.scenarios.soft_landing.table import deviation, voltage_table, write
 from gapsense.scenarios.soft_landing.trajectory import FIG_5
+from gapsense.studies import drawer
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.figures import drawer
 
 if sys.version_info >= (3, 11):
     import tomllib

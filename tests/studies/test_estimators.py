@@ -22,8 +22,8 @@ from gapsense.scenarios.estimators import measures as benchmark
 from gapsense.scenarios.estimators import parameters as known
 from gapsense.scenarios.estimators import show as drawn
 from gapsense.scenarios.estimators.contenders import CONTENDERS, EKF, Contender
+from gapsense.studies import drawer
 from gapsense.studies.devices import RTS_VALVE
-from gapsense.studies.figures import drawer
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "scenarios" / "estimators"

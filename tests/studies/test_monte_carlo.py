@@ -41,7 +41,7 @@ from gapsense.scenarios.soft_landing.setting import (
     tuning,
 )
 from gapsense.scenarios.soft_landing.smoother_show import orderings
-from gapsense.studies.tasks import compute, number
+from gapsense.studies.runs import compute, number
 
 SRC = Path(__file__).resolve().parents[2] / "src"
 WORKER = """

@@ -11,7 +11,7 @@ from gapsense.report import plot as figures
 from gapsense.report.table import text
 from gapsense.scenarios.profiles import experiment
 from gapsense.scenarios.profiles import show as drawn
-from gapsense.studies.figures import drawer
+from gapsense.studies import drawer
 
 FOLDER = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"
 

@@ -374,6 +374,8 @@ def test_what_was_noticed_is_counted_by_operation():
     speeds[20:22, 0] = 1.2
     said[30, 0] = 128.0  # of the soft opening before
     assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (4, 1, 2, 72 - 5, 1, 1)
+    speeds[0, :, 0] = NEVER, 0.05  # an opening from between the stops is no ordinary one
+    assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (4, 1, 2, 72 - 5, 1, 0)
 
 
 def test_verdicts_tell_what_holds():

@@ -71,7 +71,7 @@ def test_ordinary_operations_arrive_where_the_voltage_is_used_up(law):
 @pytest.mark.parametrize("law", LEARNING)
 @pytest.mark.parametrize("condition", ["weak-24", "normal-10"])
 def test_an_actuator_that_ordinary_closings_leave_open_gets_more_voltage_or_is_told(condition, law):
-    """24 V do not close some; 30 V do, where there are so many. None is told that closes well."""
+    """24 V do not close some; 30 V do, where there are so many, in every ordinary closing. None is told wrongly."""
     seen = outcome(law, CONDITIONS[condition], OTHERS, range(FEWER), 20)
     was_told, is_told = np.moveaxis(seen.said[LEARNT:].astype(int) & 512 > 0, 1, 0)  # before, and after its closing
     has_closed = seen.speeds[LEARNT:, 0] < NEVER
@@ -79,10 +79,9 @@ def test_an_actuator_that_ordinary_closings_leave_open_gets_more_voltage_or_is_t
     assert np.sum(seen.speeds[0, 0] == NEVER) > 0
     assert np.all(is_told[:, never]) and np.all(seen.states[LEARNT:, 0, never] == OPEN)
     assert not never.any() if condition == "normal-10" else never.any()
-    wrongly = is_told & ~was_told & has_closed
-    assert (
-        np.all(seen.speeds[LEARNT:, 0][wrongly] < 0.65 * np.median(seen.speeds[0, 0])) and wrongly.any(axis=0).sum() < 3
-    )
+    assert not np.any(is_told & ~was_told & has_closed)
+    is_ordinary = ~np.isin(seen.states[LEARNT:, 0], (TRACKING, SHORT))
+    assert np.all(has_closed[is_ordinary]) or condition == "weak-24"
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from gapsense.runnable import Runnable
 from gapsense.shipped import COMPONENTS
 
 FOLDERS = {load_component(folder).name: folder for folder in find_components(COMPONENTS)}
+MOST = 20_000  # samples in Python, as the FMU has them too: of a record that is longer, in C and by the FMU alone
 COMPILED = pytest.mark.skipif(own_compiler() is None, reason="needs a C compiler")
 
 
@@ -57,6 +58,8 @@ def test_bits_are_those_of_the_fmu(name, language):
     made = getattr(gapsense, name)()
     period = made.parameters.get("sample_time", times[1])
     samples = round(times[1] / period)  # that fall due in a step of the host
+    rows = len(times) if language == "C" else 1 + MOST // samples
+    inputs, outputs = inputs[:rows], outputs[:rows]
     held = np.repeat(inputs[1:], samples, axis=0)
     response = made.run(*np.vstack([inputs[:1], held]).T, sample_time=period)
     for k, output in enumerate(heads[1 + inputs.shape[1] :]):

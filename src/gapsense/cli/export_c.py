@@ -48,6 +48,10 @@ def export_c(
     loop: Annotated[
         bool, typer.Option("--loop", help="Add the program of a board that is a component of a co-simulation")
     ] = False,
+    ram: Annotated[
+        int | None,
+        typer.Option(help="Bytes of RAM that the part has: what does not fit is refused", min=1, show_default=False),
+    ] = None,
     root: Root = None,
 ) -> None:
     """Write components as C99 for microcontrollers: source, header, a working example and a README."""
@@ -65,7 +69,7 @@ def export_c(
     designs = [designed(folder, real.value, wanted, values[folder], bake, lean) for folder in folders]
     for design in designs:
         show(f"{design.name:20} {', '.join(design.kept['outputs'])}")
-    files = export(designs, to, loop)
+    files = export(designs, to, loop, ram or 0)
     written(*(file for file in files if file.suffix in (".c", ".h") and file.parent == to), to / "README.md")
 
 

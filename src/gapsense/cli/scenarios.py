@@ -125,7 +125,7 @@ def figure(
 ) -> None:
     """Run a scenario and draw its figure, or draw that of a saved result."""
     from gapsense.report import plot
-    from gapsense.studies.figures import drawer
+    from gapsense.studies import drawer
 
     if scenario.suffix == ".csv":
         result, file = read_saved(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"

@@ -17,7 +17,7 @@ from gapsense.kernels.trace import cond, floor, load, not_, sqrt, square, where
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
-HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [m/s] and so many standard deviations
+HIT, VAGUE = 0.5, 4.0  # a stop that no contact tells is hit beyond this speed [m/s] and so many standard deviations
 ALONE = 0.55  # the same without a contact [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.97)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so

@@ -20,11 +20,12 @@ OPEN, AFLOAT = 1.3, 0.8  # of the flux linkage that balances the spring of the o
 OPENED = (0.9, 2.0)  # of its reluctance
 WARM = 0.85  # share of the voltage that the resistance may need
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
+LANDED, SURE = 0.01, 5.0  # of the usual current: it rises by more where a mover lands; standard deviations of noise
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
-STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage is followed; error of that [Wb]
+STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage and resistance are followed; error [Wb]
 BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
 JUMP, FASTER, PATIENCE = 0.2, 3.0, 5.0  # of the usual current; than the open coil; wild readings in a row
 JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles
@@ -54,6 +55,9 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
         held_voltage=u,
         held_current=i,
         late_current=i,
+        highest=0.0,
+        lowest=0.0,
+        rise=0.0,
         zero=0.0,
         top=0.0,
         shift=0.0,
@@ -90,6 +94,8 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
     calm = where(is_late & _is_settled(coil, par), coil.calm + 1.0, 0.0)
     dt = where(calm * T_s > CALM, 0.0, T_s)
     noise = coil.noise + where(calm > 0.0, late, 0.0) * (PER_CHANGE * fabs(i - coil.last_current) - coil.noise)
+    held = coil.held_current + share * (i - coil.held_current)
+    lowest = where((held > coil.highest) | (held < coil.lowest), held, coil.lowest)
     new = coil._replace(
         flux=coil.flux + dt * (u - coil.resistance * mean),
         charge=coil.charge + dt * mean,
@@ -101,7 +107,10 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
         change=i - coil.last_current,
         noise=noise,
         held_voltage=coil.held_voltage + share * (u - coil.held_voltage),
-        held_current=coil.held_current + share * (i - coil.held_current),
+        held_current=held,
+        highest=where(held > coil.highest, held, coil.highest),
+        lowest=lowest,
+        rise=where(held - lowest > coil.rise, held - lowest, coil.rise),
         late_current=coil.late_current + late * (i - coil.late_current),
     )
     return new, not_(has_voltage & has_current)
@@ -158,15 +167,18 @@ def left_open(coil: Coil, par: Parameters) -> Scalar:
     """Whether an ordinary closing that ends has left the mover open, by the reluctance.
 
     A mover at the open stop has no more flux linkage than balances its spring there, with the current of an open gap;
-    one that floats on has less, by the resistance of a current that still changes.
+    one that floats on has less, by the resistance of a current that still changes.  While a mover moves the current
+    falls, and rises again where it has landed, however slowly.
     """
-    m = make_mover(par)
+    m, T_s = make_mover(par), par.sample_time
+    noise = coil.noise * sqrt(T_s / (T_s + 2.0 * RECENT))
+    has_landed = coil.rise > LANDED * usual_current(par) + SURE * noise
     flux = coil.flux - (coil.measured - coil.resistance) * coil.charge
     is_driven = coil.held_current > HOLDS * usual_current(par)
     share = flux / sqrt(balance(m.gap.largest, m))
     is_gap = (open_flux(coil, par) > OPENED[0] * flux) & (open_flux(coil, par) < OPENED[1] * flux)
     is_left = where(_is_settled(coil, par), is_gap & (share < OPEN), share < AFLOAT)
-    return is_driven & is_left
+    return is_driven & is_left & not_(has_landed)
 
 
 def raised(coil: Coil) -> Coil:
@@ -205,8 +217,8 @@ def closed(coil: Coil, cycles: Scalar, is_open: Scalar, par: Parameters) -> Coil
 
 
 def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
-    """The next cycle begins; flux linkage and resistance are those of an estimator, once it has solved an operation."""
-    has_solved = (inputs.windows >= SOLVED) & (inputs.estimated_resistance > 0.0)
+    """The next cycle begins; flux linkage and resistance are those of an estimator, once it explains an operation."""
+    has_solved = (inputs.windows >= SOLVED) & (inputs.estimated_resistance > 0.0) & (inputs.misfit < STEADY)
     R = _possible(where(has_solved, inputs.estimated_resistance, coil.measured), par)
     is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
     used = where(is_new, R, coil.resistance + SHARE * (R - coil.resistance))
@@ -235,4 +247,4 @@ def topped(coil: Coil) -> Coil:
 
 
 def _restarted(coil: Coil, start: Scalar) -> Coil:
-    return coil._replace(flux=start, charge=0.0, shift=0.0)
+    return coil._replace(flux=start, charge=0.0, shift=0.0, highest=0.0, lowest=0.0, rise=0.0)

@@ -58,11 +58,11 @@ def judged_by_contact(state: State, par: Parameters) -> State:
 def judged_by_reluctance(state: State, par: Parameters) -> State:
     """With the end of an ordinary closing: whether the mover is open still, and gets more voltage the next time.
 
-    Where a contact says so too, it gets more from then on: a mover that hardly closes may seem open to the current.
+    It gets more current from then on, unless a contact denies it or is not known.
     """
     by_contact, mode = state.by_model < 1.0, state.heard.last_mode
     is_open = where(left_open(state.coil, par) & not_(by_contact & (mode == LOWER)), 1.0, 0.0)
-    is_sure = by_contact & (mode > LOWER) & (is_open > 0.0)
+    is_sure = (is_open > 0.0) & (not_(by_contact) | (mode > LOWER))
     return state._replace(
         coil=cond(is_sure, lambda: raised(state.coil), lambda: state.coil),
         noted=state.noted._replace(open=is_open),
@@ -197,9 +197,7 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
     first = where(half > 0.5, par.closing_travel, par.opening_travel)
     is_late = laws.is_late(has_landed, after, first)
-    # an estimator may be wrong: it has to say so of three ordinary closings in a row, and not twice in a row
-    is_sure = (state.by_model < 1.0) | ((law.missed >= 2.0) & (state.is_strong < 1.0))
-    is_weak = (has_landed < 1.0) & is_sure
+    is_weak = (has_landed < 1.0) & (state.by_model < 1.0)
     kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
     law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, par))

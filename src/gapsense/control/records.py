@@ -210,6 +210,9 @@ class Coil(NamedTuple):
     held_voltage: Scalar  # means of late
     held_current: Scalar
     late_current: Scalar  # the same over a longer time
+    highest: Scalar  # of the held current in this cycle [A]
+    lowest: Scalar  # of it since then
+    rise: Scalar  # largest one from such a lowest one
     zero: Scalar  # of the current sensor [A]
     top: Scalar  # flux linkage with which closings end: its mean of late, or 0 [Wb]
     shift: Scalar  # of this cycle's flux linkage, towards that [Wb]

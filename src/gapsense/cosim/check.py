@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 from math import gcd, lcm, prod
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from gapsense._os.files import read_columns, state
-from gapsense.cosim.coupling import both_ways, is_free, sample_time
+from gapsense._os.files import fingerprint, is_sealed, read_columns, read_json, state
 from gapsense.cosim.fmu.archive import UnusableError, read_description
 from gapsense.cosim.fmu.descriptions import (
     NUMERIC,
@@ -29,6 +29,7 @@ from gapsense.cosim.fmu.descriptions import (
 )
 from gapsense.cosim.fmu.line import wrong_board
 from gapsense.cosim.result.metrics import KINDS
+from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, varied
 from gapsense.cosim.scenario.records import (
     ACTIONS,
@@ -51,6 +52,7 @@ from gapsense.cosim.scenario.records import (
     is_on_grid,
     matching,
     neighbours,
+    reached,
     recorded_signals,
     resolved,
     signals,
@@ -639,11 +641,7 @@ def check_grid(component: Component, description: Description, experiment: Exper
             f"{place}: its first step ends after {component.offset + component.step} base steps, "
             f"the run has {experiment.count}. Reduce `step` or `offset`, or run longer."
         )
-    variable = description.variables.get("sample_time")
-    value = component.values.get("sample_time", None if variable is None else variable.start)
-    if variable is None or not is_number(value):
-        return
-    step, sample = component.step * experiment.base_step, float(value or 0.0)
+    step, sample = component.step * experiment.base_step, sample_time(component, description)
     if sample > 0.0 and not (is_whole(step / sample) or is_whole(sample / step)):
         yield (
             f"{place}: its step is {step:.9g} s and `sample_time` is {sample:.9g} s; one must be a whole multiple of "
@@ -1113,3 +1111,73 @@ def start_problem(event: Event, scenario: Scenario, descriptions: Descriptions) 
     if variable is not None and not variable.is_parameter and at_start and ACTIONS[event.action].remembers:
         remedy = "Begin later, or use `set`."
         yield f"at: at the start there is no earlier value for `{event.action}` to begin with. {remedy}"
+
+
+# Whether components drive each other with a delay, and somebody has measured how large the error is.
+
+
+def sample_time(component: Component, description: Description) -> float:
+    """The sample time of a component [s]; 0 for one that has none."""
+    variable = description.variables.get("sample_time")
+    given = component.values.get("sample_time", variable.start if variable else None)
+    return float(given or 0.0) if is_number(given) else 0.0
+
+
+def is_sampled(component: Component, description: Description) -> bool:
+    """True for a component with instants of its own: what lies between them is no error of a step."""
+    return sample_time(component, description) > 0.0
+
+
+def is_free(component: Component, description: Description) -> bool:
+    """True for a component whose steps may be controlled: it takes any, and has no instants of its own."""
+    return component.step == 1 and description.can_vary and not is_sampled(component, description)
+
+
+def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
+    """Sentence on the first two components that drive each other with a delay, unless the error was measured.
+
+    A sampled component on the way has its delay on purpose, so that it is none of the coupling.
+    """
+    free = {n for n, c in scenario.components.items() if n in descriptions and not is_sampled(c, descriptions[n])}
+    wires = [c for c in scenario.connections if {c.source.component, c.target.component} <= free]
+    wires = [c for c in wires if c.source.component != c.target.component]
+    loops = [c for c in wires if c.source.component in reached(c.target.component, wires)]
+    if scenario.experiment.step_control is not None:
+        return  # which sees to that error
+    if loops and scenario.experiment.method != "jacobi":  # in which every connection is delayed
+        is_explicit = scenario.experiment.method == "gauss-seidel"
+        order = execution_order([*scenario.components], scenario.connections, descriptions) if is_explicit else None
+        loops = [c for c in loops if (c in order.delayed if order else c.delayed)]
+    if loops and not is_measured(scenario, descriptions):
+        first = loops[0]
+        yield (
+            f"connections: `{first.source.component}` and `{first.target.component}` drive each other, `{first}` one "
+            f"step late: `gapsense converge {scenario.called} --write` tells the error."
+        )
+
+
+# What was measured stands in a file beside the scenario, as a baseline does.
+
+
+def measured_file(scenario: Scenario) -> Path:
+    """File with the measured errors of a scenario or of its variant."""
+    name = f"converged.{scenario.variant}.json" if scenario.variant else "converged.json"
+    return scenario.path.parent / name
+
+
+def is_measured(scenario: Scenario, descriptions: Descriptions) -> bool:
+    """True if the error was measured of this scenario as it is, with these FMUs."""
+    file = measured_file(scenario)
+    if not os.path.lexists(file):
+        return False
+    with suppress(OSError, ValueError):
+        content = read_json(file)
+        return (
+            isinstance(content, Mapping) and is_sealed(content) and content.get("of") == subject(scenario, descriptions)
+        )
+    return False
+
+
+def subject(scenario: Scenario, descriptions: Descriptions) -> Any:
+    """Hash of what decides the error: the scenario but for its words, and the FMUs by the GUIDs of their variables."""
+    return fingerprint([deciding(scenario), {name: d.guid for name, d in descriptions.items()}])

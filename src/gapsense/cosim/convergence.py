@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.files import refuse_unwritable, sealed, write_atomically, write_json
-from gapsense.cosim.check import check_size, memory, prepare, within
-from gapsense.cosim.coupling import is_sampled, measured_file, subject
+from gapsense.cosim.check import check_size, is_sampled, measured_file, memory, prepare, subject, within
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.result.tendency import (

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from zlib import crc32
 
-from gapsense.embedded.design import Design
+from gapsense.embedded.design import Design, sizing
 from gapsense.embedded.members import members, table_sizes, type_name
 from gapsense.version import __version__
 
@@ -55,10 +55,10 @@ def _moved(design: Design) -> tuple[Sequence[str], Sequence[str]]:
 
 
 def _numbers(design: Design) -> tuple[list[str], list[str]]:
-    """Fields of parameters that a message sets, and those that are part of the code: of its tables, or all."""
-    tables = [*table_sizes(design)]
+    """Fields of parameters that a message sets, and those that are part of the code: of memory and tables, or all."""
     if not design.is_baked:
-        return [member.name for member in members(design).get("par", ()) if member.type == design.real], tables
+        set_ = [member.name for member in members(design).get("par", ()) if member.type == design.real]
+        return set_, [*sizing(design.kernel), *table_sizes(design)]
     numbers = [name for name, value in design.values.items() if not isinstance(value, list)]
     return [], [*numbers, *(name for name, value in design.values.items() if isinstance(value, list))]
 

@@ -17,12 +17,19 @@ LONGEST_QUOTE = 100
 class Function(Typed):
     """The body of a function on records that pointers lead to, `name->entry`, in float or double."""
 
-    def __init__(self, graph: Graph, real: str, sizes: Mapping[str, str], is_baked: bool) -> None:
+    def __init__(
+        self, graph: Graph, real: str, sizes: Mapping[str, str], memories: Mapping[str, int], is_baked: bool
+    ) -> None:
+        self.memories = memories  # numbers of every array memory
         super().__init__(graph, real)
         self.sizes, self.is_baked = sizes, is_baked  # of every table what holds its length
         self.quoted = ""
         self.size_of: dict[int, str] = {}  # text of the length of a table
         self.sized: set[str] = set()  # lengths that were passed on
+
+    def memory_size(self, cls: type, entry: str) -> int:
+        """Numbers of an array memory, for which there may be less room than its layout says."""
+        return self.memories[entry]
 
     def body(self) -> list[str]:
         """Its lines."""
@@ -51,7 +58,7 @@ class Function(Typed):
     def _pack_entry(self, name: str, entry: str, value: Any) -> None:
         target = f"{name}->{entry}"
         if isinstance(value, list):
-            self.write(f"for (int k = 0; k < {len(value)}; k++) {target}[k] = {self._number(0.0)};")
+            self.write(f"for (int k = 0; k < {self.memories[entry]}; k++) {target}[k] = {self._number(0.0)};")
         elif memory_of(value) is None:
             self.write(f"{target} = {self.bare(value)};")
         if isinstance(value, Expr) and value.extra == "table" and self.sizes[entry] not in self.sized:

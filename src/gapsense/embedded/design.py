@@ -13,6 +13,7 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
 from gapsense.kernels.emit import HARMLESS_IN_C, Graph, Python, needed, split
 from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import fields as layout
 from gapsense.problems import InputError, suggest
 
 REALS = ("float", "double")
@@ -33,6 +34,11 @@ class Design(NamedTuple):
     prepare: Graph | None  # what follows from the parameters alone
     step: Graph
 
+    def memories(self) -> dict[str, int]:
+        """Numbers of every array memory of the state, no more than are used."""
+        kept = [(name, at) for name, at in layout(self.kernel.module.State).items() if at.kind == "memory"]
+        return {name: int(self.values[at.used]) if at.used else at.size for name, at in kept}
+
 
 def designed(
     folder: Path, real: str = "float", outputs: Sequence[str] = (), given: Mapping[str, Any] | None = None,
@@ -44,7 +50,8 @@ def designed(
     kernel = (is_lean and lean_kernel(component)) or kernel_of(component)
     values = fields(component, given or {}, folder)
     wanted = [port.field for port in component.of("output") if port.name in outputs or not outputs]
-    initial, step, kept = needed(*kernel.traced(values if is_baked else None, with_places=True), wanted, Python)
+    constants = values if is_baked else {name: values[name] for name in sizing(kernel)}
+    initial, step, kept = needed(*kernel.traced(constants, with_places=True), wanted, Python)
     has_parameters = bool(kept["par"]) and not is_baked
     prepare, step = split(step, Python, HARMLESS_IN_C) if has_parameters else (None, step)
     return Design(
@@ -60,6 +67,11 @@ def designed(
         prepare=prepare,
         step=step,
     )
+
+
+def sizing(kernel: Kernel) -> list[str]:
+    """Parameters that say how much of an array memory is used: always constants of the code."""
+    return [*dict.fromkeys(at.used for at in layout(kernel.module.State).values() if at.used)]
 
 
 def lean_kernel(component: Component) -> Kernel | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import inspect
+import math
 import re
 import tempfile
 import textwrap
@@ -12,9 +13,10 @@ from pathlib import Path
 
 from gapsense.embedded.board import loop_files
 from gapsense.embedded.code import Function, constant_table
-from gapsense.embedded.design import Design
+from gapsense.embedded.design import Design, sizing
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
 from gapsense.kernels.emit import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, Graph, number, same
+from gapsense.kernels.layout import fields
 from gapsense.problems import InputError
 from gapsense.version import __version__
 
@@ -25,7 +27,7 @@ allocation, no global variable that changes, any number of instances.
 
 {table}
 
-RAM is that of constants, state, inputs and outputs on a 32-bit processor; stack comes to it.
+RAM is that of constants, state, inputs and outputs on a 32-bit processor; stack comes to it.{kept}
 
 ## Try
 
@@ -96,13 +98,21 @@ FUNCTIONS = {  # what they take and change, and what is said of them
         "One step; the state is changed in place.",
     ),
 }
+STACK = 4096  # bytes of RAM that are left for it
+LINK, ANY_RAM = "cortex_m/link.ld", "LENGTH = 4M\n}"
 CORTEX_M = Path(__file__).with_name("cortex_m")
 MARK = re.compile(r"(Made|Exported)\s+by\s+Gapsense")  # in every file but those of a board, which users change
 
 
-def export(designs: Sequence[Design], folder: Path, in_loop: bool = False) -> list[Path]:
-    """Write the files of some components, what a Cortex-M needs to start, and a README; the files written."""
+def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: int = 0) -> list[Path]:
+    """Write the files of some components, what a Cortex-M needs to start, and a README; the files written.
+
+    A part may have so many bytes of `ram`; the linker script has them.
+    """
     texts = {**written(designs), **(loop_files(designs) if in_loop else {})}
+    if ram:
+        check_memory(designs, ram)
+        texts[LINK] = texts[LINK].replace(ANY_RAM, f"LENGTH = {ram}\n}}")
     texts["README.md"] += IN_LOOP * in_loop
     keep_foreign({folder / name: text for name, text in texts.items()})
     folder.mkdir(parents=True, exist_ok=True)
@@ -148,6 +158,7 @@ def readme(designs: Sequence[Design]) -> str:
         real=first.real,
         table="\n".join(rows),
         first=first.name,
+        kept="".join(f"\n{line}" for design in designs for line in _kept(design)),
         use="\n".join(_use(first)),
         survives=_survivors(designs),
     )
@@ -157,6 +168,40 @@ def memory(design: Design) -> int:
     """Bytes of the records that a component keeps, where whole numbers and pointers have four."""
     kept = [member for name, record in members(design).items() if name != "par" for member in record]
     return sum(max(1, member.size) * (8 if member.type == "double" else 4) for member in kept)
+
+
+def _sized(design: Design) -> Iterator[tuple[str, int, int]]:
+    """Parameters that say how much array memory there is, their values, and bytes of each unit of them."""
+    layout, width = fields(design.kernel.module.State), 8 if design.real == "double" else 4
+    for parameter in sizing(design.kernel):
+        used = [name for name in design.kept["state"] if name in layout and layout[name].used == parameter]
+        name = next(port.name for port in design.component.ports if port.field == parameter)
+        yield name, int(design.values[parameter]), width * len(used)
+
+
+def _kept(design: Design) -> Iterator[str]:
+    for name, count, width in _sized(design):
+        yield (
+            f"Of `{design.name}` {count * width:,} bytes are for `{name}` = {count:,}, a constant of the code, "
+            f"{width} bytes each. For less, export with a smaller `--set {name}=...`; the page of the component says "
+            "what that costs."
+        )
+
+
+def check_memory(designs: Sequence[Design], ram: int) -> None:
+    """Refuse what a part with so many bytes of RAM has no room for, and say what to change."""
+    sizes = {design.name: memory(design) for design in designs}
+    over = sum(sizes.values()) + STACK - ram
+    known = [each for design in designs for each in _sized(design)]
+    ways = [f"`--set {name}={n - math.ceil(over / width)}`" for name, n, width in known if n * width > over]
+    if over > 0:
+        taken = " + ".join(f"`{name}` {size:,}" for name, size in sizes.items())
+        raise InputError(
+            [
+                f"--ram: {taken} + {STACK:,} bytes of stack are {over:,} more than the {ram:,} that there are. Take "
+                f"{' or '.join([*ways, 'fewer `--outputs`', '`--bake`'])}."
+            ]
+        )
 
 
 def _when(design: Design) -> str:
@@ -390,7 +435,7 @@ def _defaults(design: Design) -> str:
 
 
 def _body(design: Design, graph: Graph) -> list[str]:
-    return Function(graph, design.real, table_sizes(design), design.is_baked).body()
+    return Function(graph, design.real, table_sizes(design), design.memories(), design.is_baked).body()
 
 
 def _function(design: Design, graph: Graph) -> str:

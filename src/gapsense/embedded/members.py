@@ -129,9 +129,9 @@ def _constants(design: Design) -> Iterator[Member]:
 
 def _state(design: Design) -> Iterator[Member]:
     cls = design.kernel.module.State
-    comments, layout = field_comments(cls), fields(cls)
+    comments, layout, memories = field_comments(cls), fields(cls), design.memories()
     for name in design.kept["state"]:
-        size = layout[name].size if name in layout and layout[name].kind == "memory" else 0
+        size = memories.get(name, 0)
         field = name if name in layout else ENTRY.sub("", name)
         yield Member(design.real, name, comments.get(field, ""), size)
 

@@ -113,7 +113,7 @@ class Kernel:
         return [Wholes(entry, k, every, *span) for entry, k, every, span in found if span]
 
     def traced(self, values: Mapping[str, Any] | None = None, with_places: bool = False) -> tuple[Graph, Graph]:
-        """Traced `initial` and `step`; with `values` of all parameters these are numbers in them, but for tables.
+        """Traced `initial` and `step`; parameters that have `values` are numbers in them, but for tables.
 
         On request the graphs know the line that each operation comes from.
         """
@@ -173,7 +173,7 @@ def _with(function: Callable[..., Any], values: Mapping[str, Any]) -> Callable[.
 
     def with_values(*, par: Any, **others: Any) -> Any:
         entries = zip(names(type(par)), flat(par))
-        numbers = (entry if isinstance(values[name], list) else float(values[name]) for name, entry in entries)
+        numbers = (entry if isinstance(values.get(name, []), list) else float(values[name]) for name, entry in entries)
         return function(**others, par=record(type(par), numbers))
 
     with_values.__name__ = function.__name__

@@ -27,12 +27,14 @@ class Field(NamedTuple):
     """How one field of a record is laid out; `size` is its dimension, or the length of its memory.
 
     `spans` say which numbers of a state are whole, because indices are made of them: a saved state with others is
-    refused.  Those of a memory are of its first numbers, then again of the next ones, and so on.
+    refused.  Those of a memory are of its first numbers, then again of the next ones, and so on.  `used` is a parameter
+    that says how many numbers of a memory are used, beginning with the first.
     """
 
     kind: str = "scalar"
     size: int = 1
     spans: tuple[Span, ...] = (None,)
+    used: str = ""
 
 
 COUNT = (0, 2**40)  # of samples or operations: more than any run has

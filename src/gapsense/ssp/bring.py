@@ -17,8 +17,8 @@ from xml.etree.ElementTree import ParseError
 from gapsense.cosim.check import check, described
 from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.cosim.fmu.descriptions import Description, Variable
+from gapsense.cosim.scenario.build import write_document
 from gapsense.cosim.scenario.read import Document
-from gapsense.cosim.scenario.write import write_document
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, listing, suggest
 from gapsense.ssp.carried import OF_COMPONENTS, OF_CONNECTIONS, WHOLE

@@ -1,12 +1,31 @@
 """Studies: what repeats the papers stands beside its scenario, `scenarios/<name>/study.py`; here is what they share.
 
-A `study.py` registers commands (`cli.common.study`) and figures (`figures.FIGURES`).  It loads at each start of the
+A `study.py` registers commands (`cli.common.study`) and figures (`FIGURES`).  It loads at each start of the
 command line, so what is heavy loads in its functions.  The files are found by walking: there is no list of them.
 """
 
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from gapsense._os.importable import imported
 from gapsense.shipped import SCENARIOS
 
 
 def modules() -> list[str]:
     """Full names of the modules `study` beside scenarios."""
     return [f"gapsense.scenarios.{file.parent.name}.study" for file in sorted(SCENARIOS.glob("*/study.py"))]
+
+
+FIGURES = {"overview": "gapsense.report.plot:overview"}  # `module:function` by name; each study adds its own
+
+
+def drawer(kind: str) -> Callable[[Any], Any]:
+    """Function from a result to the figure of a kind; a ValueError tells what there is, before a long run."""
+    for name in modules():
+        import_module(name)
+    if kind not in FIGURES:
+        kinds = ", ".join(FIGURES)
+        raise ValueError(f"the scenario asks for figure `{kind}`; there are {kinds}. Correct its key `figure`.")
+    drawn: Callable[[Any], Any] = imported(FIGURES[kind])
+    return drawn

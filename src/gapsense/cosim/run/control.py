@@ -11,7 +11,6 @@ from collections.abc import Callable
 from math import sqrt
 from typing import Any
 
-from gapsense.cosim.coupling import is_free
 from gapsense.cosim.run.part import Advance, Part, Work
 from gapsense.cosim.run.recording import COMPONENT, MASTER, STEP, STOP
 from gapsense.cosim.run.turns import Turns
@@ -46,6 +45,8 @@ class Control:
     """How far the next step goes, and whether it was too long."""
 
     def __init__(self, work: Work) -> None:
+        from gapsense.cosim.check import is_free  # here, so that other runs start fast
+
         self.work, self.parts, self.experiment = work, work.parts, work.experiment
         about = [(part.component, part.instance.description) for part in work.parts]
         self.free = frozenset(i for i, one in enumerate(about) if is_free(*one))

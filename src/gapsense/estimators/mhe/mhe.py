@@ -53,6 +53,7 @@ from gapsense.estimators.mhe.window import (
     drives,
     first_work,
     get,
+    kept,
     priors,
     published,
     put,
@@ -246,7 +247,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     has_current = can_read & not_(is_wild(state.samples, u, i, par))
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     is_same_command = inputs.command == state.last_command
-    samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)))
+    samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)), par)
     creep = _rate(before, u, with_device(first, Device(*get(state.believed, START))))
     held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, creep, par)
     # the window
@@ -259,7 +260,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
     work, smoothed, has_caught_up = cond(
         is_set(state.follow.is_on),
-        lambda: (wait(work, before), state.smoothed, False),
+        lambda: (wait(work, before, par), state.smoothed, False),
         lambda: work_on(work, samples, state.smoothed, before, held_resistance, inputs.time, first, par),
     )
     is_new = has_caught_up & not_(is_set(work.is_followed))
@@ -343,7 +344,7 @@ def _rate(p: Point, u: Scalar, m: Model) -> Scalar:
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
     """Where the current is no longer fed back, since the mover is on a stop, a long window is dropped."""
     is_back, longest = not_(is_set(follow.is_on) | is_set(follow.is_futile)), par.window_longest / par.sample_time
-    age = where(is_back & (work.window.age > longest), RING, work.window.age)
+    age = where(is_back & (work.window.age > longest), kept(par), work.window.age)
     return work._replace(window=work.window._replace(age=age))
 
 
@@ -365,8 +366,8 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
     return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
 
 
-def _add_sample(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar) -> Samples:
-    newest = where(before.newest < RING - 1.0, before.newest + 1.0, 0.0)
+def _add_sample(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar, par: Parameters) -> Samples:
+    newest = where(before.newest < kept(par) - 1.0, before.newest + 1.0, 0.0)
     return Samples(
         newest=newest,
         voltages=store(before.voltages, newest, u),
@@ -427,10 +428,10 @@ def _publish(
     """The next smoothed sample, if there is one; the velocity is the mean since the one before."""
 
     def publish() -> tuple[Scalar, Scalar, Shown]:
-        oldest = where(work.shown >= newest, newest + RING - work.shown, newest - work.shown) - 1.0
+        oldest = where(work.shown >= newest, newest + kept(par) - work.shown, newest - work.shown) - 1.0
         late = where(par.publish_within > 0.0, oldest - par.publish_within / par.sample_time, 0.0)
         skipped = clip(-floor(-late), 0.0, work.ready - 1.0)
-        before, spot = (_behind(work.shown + skipped + k) for k in (0.0, 1.0))
+        before, spot = (_behind(work.shown + skipped + k, par) for k in (0.0, 1.0))
         z, age = load(smoothed.positions, spot), oldest - skipped
         shown = Shown(
             smoothed_published=1.0,
@@ -445,9 +446,9 @@ def _publish(
     return work._replace(shown=spot, ready=left), shown
 
 
-def _behind(spot: Scalar) -> Scalar:
+def _behind(spot: Scalar, par: Parameters) -> Scalar:
     """A place in the memory that may be beyond its end."""
-    return where(spot < RING, spot, spot - RING)
+    return where(spot < kept(par), spot, spot - kept(par))
 
 
 def _outputs(

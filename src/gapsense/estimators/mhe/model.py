@@ -102,6 +102,9 @@ class Parameters(NamedTuple):
     window_pace: Scalar = parameter(
         "1", "Pieces of the work on a window in a step; 0: by the sample time", 0.0, min=0.0, max=64.0
     )
+    window_memory: Scalar = parameter(
+        "1", "Samples that are kept; a constant of exported C, which has room for no more", 8192.0, min=64.0, max=8192.0
+    )
     publish_within: Scalar = parameter("s", "Age beyond which a sample is not published; 0: all are", 0.0, min=0.0)
     prior_resistance: Scalar = prior("Resistance R", 0.15)
     prior_eddy: Scalar = prior("Eddy currents g_e", 0.5)

@@ -32,7 +32,6 @@ from gapsense.estimators.mhe.window import (
     FARTHEST,
     PACE,
     PAIRS,
-    RING,
     START,
     Learnt,
     N,
@@ -51,6 +50,7 @@ from gapsense.estimators.mhe.window import (
     has_landed,
     has_moved,
     is_idle,
+    kept,
     origin_of,
     place,
     priors,
@@ -186,7 +186,7 @@ def work_on(
     what is believed before the first window.
     """
     work = work._replace(window=work.window._replace(age=work.window.age + 1.0))
-    is_behind = (work.window.age > RING - 2.0 * PACE) | _is_behind(work, par)
+    is_behind = (work.window.age > kept(par) - 2.0 * PACE) | _is_behind(work, par)
     work = when(is_behind, lambda work: _give_up(work, causal), work)
     work = when(work.pass_start == PassStart.first, lambda work: _with_prior(work, causal, par), work)
     is_deriving = work.phase == Phase.deriving
@@ -239,10 +239,10 @@ def _is_behind(work: Work, par: Parameters) -> Scalar:
     return is_new & (work.learnt.misfit >= REJECT_MISFIT) & (work.window.age > effort(work.learnt, par).backlog)
 
 
-def wait(work: Work, causal: Point) -> Work:
+def wait(work: Work, causal: Point, par: Parameters) -> Work:
     """No work while the current is fed back; what waits for too long is given up."""
     work = work._replace(window=work.window._replace(age=work.window.age + 1.0))
-    return when(work.window.age > RING - 2.0 * PACE, lambda work: _give_up(work, causal), work)
+    return when(work.window.age > kept(par) - 2.0 * PACE, lambda work: _give_up(work, causal), work)
 
 
 def _give_up(work: Work, causal: Point) -> Work:
@@ -289,7 +289,7 @@ def _end_pass(work: Work, held: Callable[[], Scalar], samples: Samples, par: Par
     def learn() -> Work:
         return cond(jumps, jump, lambda: _start_solving(work, par))
 
-    return cond(is_idle(work.walk), lambda: _pass_idle(_leave_window(work, samples), par), learn)
+    return cond(is_idle(work.walk), lambda: _pass_idle(_leave_window(work, samples, par), par), learn)
 
 
 def _start_solving(work: Work, par: Parameters) -> Work:
@@ -459,7 +459,7 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
     is_fixed = is_set(window.has_grown) | is_late | is_set(par.option_command) | (window.end >= longest)
     grows = (is_final | is_bad) & ends_later & not_(is_fixed)
-    may_seek = not_(is_set(search.search_done)) & (search.searches < worth.searches) & (window.age < 0.5 * RING)
+    may_seek = not_(is_set(search.search_done)) & (search.searches < worth.searches) & (window.age < 0.5 * kept(par))
     return Verdict(
         total=total,
         misfit=misfit,
@@ -569,7 +569,7 @@ def _finish(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Par
     is_cut = work.window.end >= par.window_longest / par.sample_time  # no landing has ended it: it was no operation
     limit = where(is_untaught(work.learnt, par) & has_landed(work.walk), REJECT_UNTAUGHT, REJECT_MISFIT)
     most = where(is_cut & is_set(work.window.is_doubtful), GOOD_MISFIT, limit)
-    told = _leave_window(work._replace(learnt=_tell(work, misfit, time, par)), samples)
+    told = _leave_window(work._replace(learnt=_tell(work, misfit, time, par)), samples, par)
 
     def reject() -> Work:
         return cond(forgets, lambda: _forget(told, par), lambda: _reject(told, par))
@@ -577,12 +577,12 @@ def _finish(work: Work, misfit: Scalar, samples: Samples, time: Scalar, par: Par
     return cond(misfit < most, lambda: _learn(told, misfit, par), reject)
 
 
-def _leave_window(work: Work, samples: Samples) -> Work:
+def _leave_window(work: Work, samples: Samples, par: Parameters) -> Work:
     """The samples of the window can be published, and the next one begins where it ends."""
     window, origin = work.window, put(work.window.origin, origin_of(Point(*work.walk.at)))
     return work._replace(
         window=window._replace(origin=origin, age=window.age - window.end, begins_loose=work.walk.is_loose),
-        shown=where(work.ready > 0.0, work.shown, place(samples.newest, window.age)),
+        shown=where(work.ready > 0.0, work.shown, place(samples.newest, window.age, par)),
         ready=work.ready + window.end,
     )
 
@@ -680,7 +680,7 @@ def _forget(work: Work, par: Parameters) -> Work:
     fit = work.fit
     return _open_window(
         work._replace(
-            window=work.window._replace(age=RING),
+            window=work.window._replace(age=kept(par)),
             fit=fit._replace(q=put(fit.q, [0.0] * N), prior=put_matrix(fit.prior, _blind(par))),
         )
     )

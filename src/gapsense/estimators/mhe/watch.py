@@ -77,9 +77,9 @@ def weight(par: Parameters) -> Scalar:
 
 def is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
     """A current that is far from the line through the last two, although the voltage has not changed."""
-    last, older, _ = _last(before.currents, before)
+    last, older, _ = _last(before.currents, before, par)
     is_far = square(i - 2.0 * last + older) * weight(par) > square(WILD)
-    return is_far & _is_held(before, u, par.edge + JUMP * par.noise_voltage)
+    return is_far & _is_held(before, u, par.edge + JUMP * par.noise_voltage, par)
 
 
 def listen(before: Watch, samples: Samples, u: Scalar, i: Scalar, par: Parameters) -> Watch:
@@ -95,21 +95,21 @@ def listen(before: Watch, samples: Samples, u: Scalar, i: Scalar, par: Parameter
 
 def _noise(noise: Scalar, before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
     """The median of the third differences where the voltage has not changed, by steps: spikes do not move it far."""
-    last, older, oldest = _last(before.currents, before)
+    last, older, oldest = _last(before.currents, before, par)
     is_more = fabs(i - 3.0 * last + 3.0 * older - oldest) > MEDIAN * noise
     moved = noise * where(is_more, 1.0 + LEVELLING, 1.0 - LEVELLING)
-    counts = _is_held(before, u, JUMP * par.noise_voltage) & (moved > par.noise_current)
+    counts = _is_held(before, u, JUMP * par.noise_voltage, par) & (moved > par.noise_current)
     return where(counts, moved, noise)
 
 
-def _last(memory: Array, samples: Samples) -> list[Scalar]:
+def _last(memory: Array, samples: Samples, par: Parameters) -> list[Scalar]:
     """The three newest entries, the newest first."""
-    return [load(memory, place(samples.newest, age)) for age in (0.0, 1.0, 2.0)]
+    return [load(memory, place(samples.newest, age, par)) for age in (0.0, 1.0, 2.0)]
 
 
-def _is_held(before: Samples, u: Scalar, most: Scalar) -> Scalar:
+def _is_held(before: Samples, u: Scalar, most: Scalar, par: Parameters) -> Scalar:
     """The voltage has changed by no more than this in each of the last three samples and this one."""
-    voltages = [u, *_last(before.voltages, before)]
+    voltages = [u, *_last(before.voltages, before, par)]
     is_held: Scalar = True
     for new, old in zip(voltages, voltages[1:]):
         is_held = (fabs(new - old) <= most) & is_held

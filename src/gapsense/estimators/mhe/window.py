@@ -28,7 +28,8 @@ from gapsense.kernels.layout import Array, Choice, Memory, Scalar, Vector, Whole
 from gapsense.kernels.linalg import matrix, outer, vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, loop, not_, store, when, where
 
-RING = 8192  # samples that are kept
+RING = 8192  # samples that are kept, at most
+RINGED = Memory(RING, used="window_memory")
 N = 12  # corrections: the fields of `Device`, and the flux linkage at the start of the window
 START = N - 1
 USUAL, ALL = (0, 1, 2, 3, 4, 5, 6, 7, START), tuple(range(N))  # without damping, core and bend, or with them
@@ -63,17 +64,17 @@ class Samples(NamedTuple):
     """What was measured."""
 
     newest: Annotated[Scalar, Whole(0, RING - 1)]  # place of the newest sample in the memory
-    voltages: Annotated[Array, Memory(RING)]
-    currents: Annotated[Array, Memory(RING)]
-    weights: Annotated[Array, Memory(RING)]  # w^2 of the currents; 0 where they do not count
-    commands: Annotated[Array, Memory(RING)]  # flag: the command has changed
+    voltages: Annotated[Array, RINGED]
+    currents: Annotated[Array, RINGED]
+    weights: Annotated[Array, RINGED]  # w^2 of the currents; 0 where they do not count
+    commands: Annotated[Array, RINGED]  # flag: the command has changed
 
 
 class Smoothed(NamedTuple):
     """Samples of the last trial."""
 
-    fluxes: Annotated[Array, Memory(RING)]
-    positions: Annotated[Array, Memory(RING)]
+    fluxes: Annotated[Array, RINGED]
+    positions: Annotated[Array, RINGED]
 
 
 class Window(NamedTuple):
@@ -238,10 +239,15 @@ def origin_of(at: Point) -> Array:
     return vector([at.flux_linkage, at.hysteresis, at.position, at.velocity, at.voltage])
 
 
-def place(newest: Scalar, age: Scalar) -> Scalar:
+def kept(par: Parameters) -> Scalar:
+    """Samples that are kept: places of the memory that are used."""
+    return clip(floor(par.window_memory), 1.0, float(RING))
+
+
+def place(newest: Scalar, age: Scalar, par: Parameters) -> Scalar:
     """Place in the memory of a sample that is so many samples old."""
     at = newest - age
-    return where(at < 0.0, at + RING, at)
+    return where(at < 0.0, at + kept(par), at)
 
 
 def get(memory: Array, size: int) -> Array:
@@ -270,9 +276,9 @@ def put_matrix(memory: Array, A: Array, rows: Sequence[int] = ALL) -> Array:
     return memory
 
 
-def remember(smoothed: Smoothed, walk: Walk, window: Window, samples: Samples) -> Smoothed:
+def remember(smoothed: Smoothed, walk: Walk, window: Window, samples: Samples, par: Parameters) -> Smoothed:
     """The memory with the sample that a pass has come to."""
-    spot = place(samples.newest, window.age - walk.done)
+    spot = place(samples.newest, window.age - walk.done, par)
     return Smoothed(store(smoothed.fluxes, spot, walk.at[0]), store(smoothed.positions, spot, walk.at[2]))
 
 
@@ -336,7 +342,7 @@ def _derive(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Par
     def one(walk: Walk, smoothed: Smoothed, _: Scalar) -> tuple[tuple[Walk, Smoothed, Scalar], Scalar]:
         new, weighted = _visit(walk, window, samples, m, par)
         new = new._replace(pending=walk.pending + 1.0, residuals=walk.residuals + weighted)
-        kept = remember(smoothed, new, window, samples)
+        kept = remember(smoothed, new, window, samples, par)
         ends = cond(is_open, lambda: _ends(new, window, samples, par), lambda: new.done >= window.end)
         return (new, kept, flag(ends)), (new.done >= limit) | _is_full(new, par) | ends
 
@@ -349,7 +355,7 @@ def _ends(walk: Walk, window: Window, samples: Samples, par: Parameters) -> Scal
     """Whether an open window ends here: at rest after a landing, at a voltage after a rest, or with the command."""
     tail, longest = par.window_tail / par.sample_time, par.window_longest / par.sample_time
     by_landing = (walk.takeoff >= 0.0) & (walk.still >= tail)
-    spot = place(samples.newest, window.age - walk.done)
+    spot = place(samples.newest, window.age - walk.done, par)
     by_voltage = (walk.driven == 1.0) & (walk.takeoff < 0.0) & (walk.done > 0.5 * longest)
     ends = cond(
         is_set(par.option_command), lambda: is_set(load(samples.commands, spot)), lambda: by_landing | by_voltage
@@ -369,7 +375,7 @@ def _try(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parame
 
     def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
         new, _ = _visit(walk, window, samples, m, par)
-        return (new, remember(smoothed, new, window, samples)), new.done >= limit
+        return (new, remember(smoothed, new, window, samples, par)), new.done >= limit
 
     walk, smoothed = loop(PACE, one, (work.walk, smoothed))
     return work._replace(walk=walk, pass_done=flag(walk.done >= window.end)), smoothed
@@ -377,9 +383,9 @@ def _try(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parame
 
 def _visit(walk: Walk, window: Window, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, Scalar]:
     """The next sample, and w^2 r of it."""
-    before, spot = Point(*walk.at), place(samples.newest, window.age - walk.done - 1.0)
+    before, spot = Point(*walk.at), place(samples.newest, window.age - walk.done - 1.0, par)
     u, i, w = (load(memory, spot) for memory in (samples.voltages, samples.currents, samples.weights))
-    last, bounces = load(samples.currents, place(samples.newest, window.age - walk.done)), is_set(walk.is_loose)
+    last, bounces = load(samples.currents, place(samples.newest, window.age - walk.done, par)), is_set(walk.is_loose)
     at, mean = advance(before, u, m, Bouncing(bounces, 0.5 * (last + i))), mean_of(before.voltage, u, m)
     i_model = current(at, mean, m)
     r = i - i_model

@@ -17,8 +17,7 @@ from gapsense.fmi.fmi3.description import (
     model_description,
     terminals_and_icons,
 )
-from gapsense.fmi.native.compile import binary, compile_common, thin
-from gapsense.fmi.native.component import manifest
+from gapsense.fmi.native.compile import binary, compile_common, manifest, thin
 from gapsense.fmi.native.parts import Parts, common, gather
 from gapsense.fmi.native.platforms import PLATFORMS, WASM, compilers
 from gapsense.fmi.ports import Component, Port

@@ -102,6 +102,7 @@ class Filtered(NamedTuple):
 
 BEFORE, AFTER = 4, 6  # samples before an edge and at least so many after it that tell its levels
 SEEN = 0.02  # of the range: what shows in a sample
+CLAMPED = 0.1  # likewise: the least voltage of a clamp
 FEWEST, ENOUGH = 2, 8  # edges that tell a filter
 SIZES, STARTS = (0.05, 0.2, 0.6), (0.01, 0.4)  # a in parts of what an edge takes, and b / a^2
 LOWEST, HIGHEST = -3.0, 4.0  # logarithm of a
@@ -143,6 +144,17 @@ def pieces(v: Vector) -> list[Piece]:
     return [Piece(w.start, a, b, v[w]) for w, (a, b) in zip(windows, found) if w.stop <= v.size]
 
 
+def tell(every: Sequence[Piece], v: Vector) -> tuple[list[Piece], list[Piece]]:
+    """The first edges that tell a filter, and the others: where a clamp ends, an open coil rings by itself."""
+    least = CLAMPED * float(np.ptp(v))
+
+    def is_end(p: Piece) -> bool:
+        return float(v[p.begin]) * float(v[every[0].over]) < -(least**2) and abs(float(p.v[-1])) < least
+
+    told = [p for p in every if not is_end(p)][:ENOUGH]
+    return told, [p for p in every if p not in told]
+
+
 def low_pass_at(x: Vector) -> LowPass:
     """That of log(a) and b / a^2."""
     return LowPass(float(np.exp(x[0])), float(x[1] * np.exp(2.0 * x[0])))
@@ -151,7 +163,7 @@ def low_pass_at(x: Vector) -> LowPass:
 def find_low_pass(v: Vector) -> Filtered | None:
     """The filter through which the edges of a voltage come; None if they are as sharp as its samples tell."""
     every, sigma = pieces(v), max(noise(v), hidden(v), EXACT * float(np.ptp(v)))
-    told = every[:ENOUGH]
+    told, rest = tell(every, v)
     sharp = np.concatenate([piece.sharp for piece in told]) / sigma if len(told) >= FEWEST else np.zeros(0)
     if sharp @ sharp <= sharp.size + CLEAR:
         return None
@@ -173,14 +185,14 @@ def find_low_pass(v: Vector) -> Filtered | None:
     if sharp @ sharp - 2.0 * best.cost <= CLEAR * variance:
         return None
     low_pass, places = low_pass_at(best.x), best.x[2:].tolist()
-    for p in every[ENOUGH:]:
+    for p in rest:
 
         def alone(x: Vector, p: Piece = p) -> Vector:
             return p.fit(low_pass, p.begin + float(x[0]))[0] / sigma
 
         places += least(alone, [0.5], [p]).x.tolist()
-    at = [p.begin + place for p, place in zip(every, places)]
-    made = [Edge(place, p.fit(low_pass, place)[1]) for p, place in zip(every, at)]
+    at = [(p, p.begin + place) for p, place in zip((*told, *rest), places)]
+    made = [Edge(place, p.fit(low_pass, place)[1]) for p, place in at]
     return Filtered(low_pass, made, others(best, variance))
 
 

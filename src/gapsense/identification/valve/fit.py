@@ -15,6 +15,7 @@ import numpy as np
 
 from gapsense._os.workers import Progress
 from gapsense.identification.assumptions import scale
+from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.operations import Flux
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.residual import Residual, residual
@@ -29,6 +30,7 @@ from gapsense.identification.valve.form import (
     Device,
     Form,
     Sought,
+    larger,
     needed,
     plain,
     replace_values,
@@ -41,6 +43,7 @@ from gapsense.identification.valve.minimise import (
     Start,
     Trial,
     best_reading,
+    carry_over,
     currents_left,
     evidence,
     search,
@@ -234,7 +237,7 @@ def fit_valve(
     fit.course.begins("whole")
     at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
-        at = _with_edges(fit, at, drive.fitted)
+        at = _with_edges(fit, at, _forms(known, at.form, sought), drive.fitted)
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
@@ -255,15 +258,50 @@ def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
     return result._replace(uncertainty=found, assumed={name: doubts[name] for name in assumed})
 
 
-def _with_edges(fit: Fit, at: Found, causes: Sequence[str]) -> Found:
-    """The minimum with the place of every edge, if the evidence of all operations is for it; first ones tell few."""
-    names = at.prepared.edges
-    if {*names} <= {*at.causes} or correction(fit, at.ratios, at.experiments, names, at.prepared.places).is_doubtful:
+def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str]) -> Found:
+    """The minimum with the place of every edge, if the evidence of all operations is for it; first ones tell few.
+
+    Places look much like losses, so that these are judged anew beside them: `forms` are tried, the plainest first.
+    """
+    names, places = at.prepared.edges, at.prepared.places
+    is_placed = {*names} <= {*at.causes}
+    if not names or (not is_placed and correction(fit, at.ratios, at.experiments, names, places).is_doubtful):
         return at
-    found = _minimise(fit, at.ratios, at.prepared.without_delay(names), (*causes, *names), is_searched=False)
-    left, now = (np.concatenate(currents_left(fit.form, one.ratios, one.experiments)) for one in (at, found))
-    is_better = evidence(left, now, len(names)) > ENOUGH or float(now @ now) < MUCH * float(left @ left)
-    return found if is_better and not found.prepared.is_alike else at
+    alike, best = at._replace(prepared=at.prepared.read_between(names)), None
+    for form in forms:
+        fit.form, ends = form, list[Found]()
+        for start in (alike, best):  # where losses jump with an edge, a search does not cross a sample
+            if start:
+                ratios = carry_over(start.form, start.ratios, form)
+                ends.append(_minimise(fit, ratios, start.prepared, (*causes, *names), is_searched=False))
+        found = min(ends, key=lambda end: rms(_left(end)))
+        if not best or _evidence(best, found) > ENOUGH:
+            best = found
+    fit.form = at.form
+    if not best or best.prepared.is_alike:
+        return at
+    if _evidence(at, best) > ENOUGH or rms(_left(best)) ** 2 < MUCH * rms(_left(at)) ** 2:
+        fit.form = best.form
+        return best
+    return at
+
+
+def _evidence(before: Found, after: Found) -> float:
+    """For a minimum, by all operations."""
+    more = len(after.form.fitted) + len(after.causes) - len(before.form.fitted) - len(before.causes)
+    return evidence(_left(before), _left(after), more)
+
+
+def _forms(known: Device, form: Form, sought: Sought) -> list[Form]:
+    """The plain form, that with eddy currents, and another one that was taken."""
+    first = plain(known, sought)
+    made = [first, *larger(first, sought._replace(forms=("eddy",)))]
+    return made if any(form.added == one.added for one in made) else [*made, form]
+
+
+def _left(at: Found) -> Vector:
+    """What it leaves of the current [A]."""
+    return np.concatenate(currents_left(at.form, at.ratios, at.experiments))
 
 
 def _by_noise(result: Identified, at: Found) -> Vector:

@@ -28,6 +28,7 @@ from gapsense.report.table import quantity
 JUMP = 0.1  # within an interval, relative to the range of the voltage
 WITHIN = 0.01  # the same of an edge that lies within an interval
 EXACT = 1e-3  # of the largest current: the model is no better, whatever the noise
+EARLY = {"end": -0.5, "start": 0.5}  # where an edge then lies, from the middle between two samples
 ALIKE = 0.1  # samples between the places of edges that are no more than a delay
 CURRENT_WEIGHT, FLUX_WEIGHT = 10.0, 1.0  # (25)
 
@@ -156,20 +157,21 @@ def simulate(
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
         rows.append(look(outputs))
     found = Trajectory(*np.array(rows).T)
-    return found._replace(current=found.current + at_edges(par, halves, resistance))
+    return found._replace(current=found.current + at_edges([par], halves, resistance)[0])
 
 
-def at_edges(par: Device, halves: Vector, resistance: Vector) -> Vector | float:
-    """What is missing of the current at the samples after an edge [A].
+def at_edges(pars: Sequence[Device], halves: Vector, resistance: Vector) -> list[Vector | float]:
+    """What is missing of the current of each model at the samples after an edge [A].
 
     Eddy currents follow the voltage at the sample, i = g_e u / (1 + R g_e) + ..., not the mean before it, which has
     some of the voltage before the edge.  What the voltage is after the edge the next interval tells.
     """
-    if not isinstance(par, lossy_valve.Parameters):
-        return 0.0
+    lossy = [par for par in pars if isinstance(par, lossy_valve.Parameters)]
+    if not lossy:
+        return [0.0] * len(pars)
     late = np.append(halves[1:, 0], halves[-1, 1]) - np.where(jumps(halves), halves[:, 1], halves.mean(axis=1))
     late[np.abs(halves[:, 1] - halves[:, 0]) < WITHIN * np.ptp(halves)] = 0.0
-    return np.asarray(late * par.core_eddy / (1.0 + par.coil_factor * resistance * par.core_eddy))
+    return [late * par.core_eddy / (1.0 + par.coil_factor * resistance * par.core_eddy) for par in lossy]
 
 
 def _single(halves: Vector) -> Vector:
@@ -282,7 +284,7 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
     columns |= {"mean": halves.mean(axis=1), "first": halves[:, 0], "second": halves[:, 1]}
     columns |= {"at": [k * dt for k in range(count)], "steps": [dt, 0.5 * dt]}
     made = recorded.run(len(pars), **columns).T
-    currents = [run[:count] + at_edges(par, halves, experiment.resistance) for par, run in zip(pars, made)]
+    currents = [run[:count] + more for run, more in zip(made, at_edges(pars, halves, experiment.resistance))]
     return [Response(i, run[count:] if with_position else None) for i, run in zip(currents, made)]
 
 
@@ -367,11 +369,15 @@ class Prepared(NamedTuple):
             moved.append(record._replace(drive={**record.drive, **changed}))
         return prepare_all(moved, self.period, self.convention)
 
-    def without_delay(self, names: Sequence[str]) -> Prepared:
-        """The same, with its delay in the places of these edges."""
-        late = self.drive.get("delay", 0.0) / self.records[0].dt
+    def read_between(self, names: Sequence[str]) -> Prepared:
+        """The same with sharp edges, all alike: as late as the delay, the reading and the places so far say."""
+        found = self.places
+        late = self.drive.get("delay", 0.0) / self.records[0].dt + EARLY.get(self.convention, 0.0)
+        late += float(np.median([*found.values()])) if found else 0.0
         raw = [r._replace(drive={name: x for name, x in r.drive.items() if name != "delay"}) for r in self.raw]
-        return self._replace(raw=raw).moved(dict.fromkeys(names, late))
+        convention = "trapezoid" if self.convention in EARLY else self.convention
+        by = {name: late - found.get(name, 0.0) for name in names}
+        return self._replace(raw=raw, convention=convention).moved(by)
 
     @property
     def firsts(self) -> list[First]:

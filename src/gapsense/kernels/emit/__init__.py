@@ -2,10 +2,9 @@
 
 from gapsense.kernels.emit.c import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, C, Typed, number, same
 from gapsense.kernels.emit.lanes import Lanes
-from gapsense.kernels.emit.needed import needed
+from gapsense.kernels.emit.needed import HARMLESS_IN_C, needed, split
 from gapsense.kernels.emit.printer import Graph, indexing
 from gapsense.kernels.emit.python import Numpy, Python, compiled, namespace
-from gapsense.kernels.emit.split import HARMLESS_IN_C, split
 
 __all__ = [
     "AS_WRITTEN",

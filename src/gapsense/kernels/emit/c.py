@@ -95,11 +95,15 @@ typedef double real;
         super().__init__(graph)
         self.whole: set[int] = set()  # variables of loops that are whole numbers
         self.memory_sizes = {
-            symbol.id: fields(cls)[entry].size
+            symbol.id: self.memory_size(cls, entry)
             for _, cls, symbols in graph.arguments
             for entry, symbol in zip(names(cls), symbols)
             if symbol.extra == "memory"
         }
+
+    def memory_size(self, cls: type, entry: str) -> int:
+        """Numbers of an array memory."""
+        return fields(cls)[entry].size
 
     def _number(self, value: Any) -> str:
         if isinstance(value, bool):
