@@ -200,9 +200,11 @@ class Table:
         self.note(key, refusal(value, kind))
         return default
 
-    def choice(self, key: str, choices: tuple[str, ...], default: str | None = None) -> str | None:
-        """Value of `key` out of some words; required when there is no default."""
-        value: str | None = self.take(key, TEXT, default, required=default is None)
+    def choice(
+        self, key: str, choices: tuple[str, ...], default: str | None = None, is_optional: bool = False
+    ) -> str | None:
+        """Value of `key` out of some words; required when there is no default, unless it may be left out."""
+        value: str | None = self.take(key, TEXT, default, required=default is None and not is_optional)
         if value is None or value in choices:
             return value
         self.note(key, f"`{value}` found. {suggest(value, choices)}")
@@ -219,7 +221,7 @@ class Table:
     def value(self, key: Key) -> Any:
         """Value of a key of a section."""
         if key.choices:
-            return self.choice(key.name, key.choices, key.default)
+            return self.choice(key.name, key.choices, key.default, bool(key.otherwise))
         return self.take(key.name, key.kind, key.default, required=key.required)
 
     def table(self, key: str) -> Table:

@@ -116,7 +116,9 @@ class Trial:
         self.buffer = array("d", [0.25 * k for k in range(self.layout.size)])
         self.watches = [Watch(place, level, is_above, True) for place, level, is_above in case["watches"]]
         self.parts = [self.part(i) for i in range(len(case["parts"]))]
-        links = [Connection(port("y", y), port("u", u), factor, bias) for y, u, factor, bias in case["links"]]
+        # An input has one source.
+        free = [link for link in case["links"] if not (case["signals"] and link[1] == (0, 0))]
+        links = [Connection(port("y", y), port("u", u), factor, bias) for y, u, factor, bias in free]
         for part in self.parts:
             part.connect(links)
         rows, columns = case["count"] // case["decimation"] + 1, case["columns"]

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 from gapsense.cosim import Checkpoint, FmuError, ScenarioError, check, read_result, run
 from gapsense.cosim.run import iterate
 from gapsense.cosim.run.iterate import Secants, Spent, Sweep, identity, inverted
+from gapsense.cosim.run.turns import line
 from gapsense.report import runs
 
 HEAD = """
@@ -152,10 +153,10 @@ def test_energy_that_leaves_one_mass_arrives_at_the_other(write, coupled_2):
 
 
 def test_value_that_was_lost_has_no_line():
-    assert iterate.line(1.0, 3.0, 0.5) == (1.0, 4.0)
-    begin, slope = iterate.line(1.0, math.nan, 0.5)
+    assert line(1.0, 3.0, 0.5) == (1.0, 4.0)
+    begin, slope = line(1.0, math.nan, 0.5)
     assert math.isnan(begin) and slope == 0.0
-    assert iterate.line(math.nan, 2.0, 0.5) == (2.0, 0.0)
+    assert line(math.nan, 2.0, 0.5) == (2.0, 0.0)
 
 
 # As other runs --------------------------------------------------------------------------------------------------------

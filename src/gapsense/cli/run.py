@@ -56,7 +56,12 @@ def run(
 
     try:
         show(
-            *runs.metrics(result), *runs.events(result), *runs.loops(result), *runs.boards(result), runs.timing(result)
+            *runs.metrics(result),
+            *runs.events(result),
+            *runs.loops(result),
+            *runs.steps(result),
+            *runs.boards(result),
+            runs.timing(result),
         )
     finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
         is_stopped = save(result, file)

@@ -235,7 +235,7 @@ class Checker:
     def problems(self) -> Iterator[str]:
         """All problems, in the order of the file."""
         sets = check_sets(self.scenario.components, self.descriptions)
-        wiring = (self.connections(), self.inputs(), self.driven(), self.loops())
+        wiring = (self.connections(), self.inputs(), self.driven(), self.loops(), self.control())
         values = (self.values(), self.rules(), *wiring, self.events(), self.seeds(), self.grid())
         for problem in chain(self.singles(), self.boards(), sets, *values):
             yield f"{self.scenario.path.name}, {problem}"
@@ -444,6 +444,29 @@ class Checker:
                 "with that, or take it out of the loop with `delayed = true` in `[[connections]]`."
             )
 
+    def control(self) -> Iterator[str]:
+        """Steps can be controlled: every component can go back, none needs every base step, and rows are apart."""
+        components, where = self.scenario.components, "experiment.step_control"
+        if self.scenario.experiment.step_control is None:
+            return
+        for name, description in self.descriptions.items():
+            if components[name].board or not description.can_return:
+                what = "a board" if components[name].board else f"`{description.path.name}`"
+                yield (
+                    f"components.{name}: {what} cannot save its state (canGetAndSetFMUstate), and `step_control` "
+                    "repeats steps. Leave out `step_control`, or the component."
+                )
+            elif components[name].step == 1 and not is_free(components[name], description):
+                yield (
+                    f"components.{name}: it keeps its instants, as it is sampled or cannot step otherwise "
+                    "(canHandleVariableCommunicationStepSize), and has one in every base step. Give it a longer "
+                    "`step`, or reduce `base_step`."
+                )
+        if not any(is_free(components[name], description) for name, description in self.descriptions.items()):
+            yield f"{where}: no component takes steps of any length. Leave it out."
+        if self.scenario.record.decimation == 1:
+            yield f"{where}: a step ends at every row, and each base step has one. Raise `decimation` in `[record]`."
+
 
 # Signals that inputs follow against the variables of these inputs and the time of the run.
 
@@ -514,13 +537,19 @@ def check_units(connection: Connection, source: Variable, target: Variable) -> I
 
 
 def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
-    """The scenario without what the parameter sets of a component have for others; its own `set` stays as it is."""
+    """The scenario without what the parameter sets of a component have for others; its own `set` stays as it is.
+
+    Where steps are controlled, what is sampled steps from instant to instant.
+    """
+    is_controlled, base = scenario.experiment.step_control is not None, scenario.experiment.base_step
 
     def own(component: Component) -> Component:
         names = {v.name for v in descriptions[component.name].of("parameter")}
         files = {path.name for path in component.sets}
         values = {n: v for n, v in component.values.items() if n in names or component.origin[n] not in files}
-        return replace(component, values=values)
+        samples = sample_time(component, descriptions[component.name]) / base if is_controlled else 0.0
+        step = round(samples) if is_whole(samples / component.step) else component.step
+        return replace(component, values=values, step=step)
 
     return replace(scenario, components={n: own(c) if n in descriptions else c for n, c in scenario.components.items()})
 
@@ -1106,6 +1135,11 @@ def is_sampled(component: Component, description: Description) -> bool:
     return sample_time(component, description) > 0.0
 
 
+def is_free(component: Component, description: Description) -> bool:
+    """True for a component whose steps may be controlled: it takes any, and has no instants of its own."""
+    return component.step == 1 and description.can_vary and not is_sampled(component, description)
+
+
 def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     """Sentence on the first two components that drive each other with a delay, unless the error was measured.
 
@@ -1115,6 +1149,8 @@ def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     wires = [c for c in scenario.connections if {c.source.component, c.target.component} <= free]
     wires = [c for c in wires if c.source.component != c.target.component]
     loops = [c for c in wires if c.source.component in reached(c.target.component, wires)]
+    if scenario.experiment.step_control is not None:
+        return  # which sees to that error
     if loops and scenario.experiment.method != "jacobi":  # in which every connection is delayed
         is_explicit = scenario.experiment.method == "gauss-seidel"
         order = execution_order([*scenario.components], scenario.connections, descriptions) if is_explicit else None

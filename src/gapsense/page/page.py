@@ -102,6 +102,8 @@ def refuse_unfit(subject: Subject) -> None:
         problems.append(f"{found}. A page is compiled of Gapsense's own components; build them with `gapsense build`.")
     if scenario.experiment.method == ITERATIVE:
         problems.append("its loops are iterated (`method`), which a page cannot do. Choose another method.")
+    if scenario.experiment.step_control is not None:
+        problems.append("its steps are controlled (`step_control`), which a page cannot do. Leave that out.")
     if on_boards := [f"`{name}`" for name, component in scenario.components.items() if component.board]:
         problems.append(
             f"{', '.join(on_boards)} run on boards, which a page cannot reach. Choose a variant without them."

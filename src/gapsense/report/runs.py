@@ -141,7 +141,7 @@ def timing(result: Result) -> Table:
     """Time of each component, and the whole run against real time."""
     span = result.times[-1] - result.times[0]
     title = f"{result.wall:.3f} s for {span:.4g} s: real-time factor {result.realtime_factor:.3g}"
-    if result.run.versions.get("loop", "C") != "C" and result.run.method != "iterative":
+    if result.run.versions.get("loop") == "Python" and result.run.method != "iterative":  # of older results
         title += f"\n{WITHOUT_C}"
     rows = (
         (name, str(t.calls), *per_step(t), f"{100 * t.seconds / result.wall:.0f} %")
@@ -155,6 +155,16 @@ def loops(result: Result) -> list[Table]:
     rows = [(n, str(i.steps), three(i.mean), str(i.most), quantity(i.at, "s")) for n, i in result.run.loops.items()]
     heads = ("loop of", "steps", "mean", "most", "at")
     return [table("Evaluations of loops, per step", heads, rows)] if rows else []
+
+
+def steps(result: Result) -> list[Table]:
+    """How long the steps were that were controlled, and how many were too long."""
+    if (s := result.run.steps) is None:
+        return []
+    lengths = (quantity(value, "s") for value in (s.shortest, s.longest))
+    cells = (str(s.done), *lengths, str(s.rejected), str(s.beyond), f"{s.worst:.2g}", s.of, quantity(s.at, "s"))
+    heads = ("steps", "shortest", "longest", "too long", "beyond", "worst", "of", "at")
+    return [table("Steps, of which pairs are checked by one of twice the length", heads, [cells], texts=0)]
 
 
 def per_step(of: Timing) -> tuple[str, str, str]:

@@ -29,6 +29,8 @@ def obstacle(subject: Subject) -> str:
         return "It has a pace."
     if experiment.method == ITERATIVE:
         return "Its loops are iterated (`method`)."
+    if experiment.step_control is not None:
+        return "Its steps are controlled (`step_control`)."
     if experiment.isolation != "none" or any(c.isolation != "none" for c in components.values()):
         return "The scenario asks for separate processes (`isolation`)."
     if any(c.board for c in components.values()):

@@ -281,6 +281,7 @@ class Description:
     can_save: bool = False  # get, set and serialise its state
     can_return: bool = False  # get and set its state, so that it can repeat a step
     can_interpolate: bool = False  # takes slopes of its Real inputs
+    can_vary: bool = False  # takes steps of any length
     fmi: int = 2  # version
     rules: Component | None = None  # that it states for its parameters
     step_size: float | None = None  # of its default experiment [s]
@@ -364,6 +365,7 @@ def read_anew(path: Path, sizes: Mapping[str, int], digest: str) -> Description:
         can_return=bool(model.coSimulation.canGetAndSetFMUstate),
         can_save=bool(model.coSimulation.canGetAndSetFMUstate and model.coSimulation.canSerializeFMUstate),
         can_interpolate=bool(getattr(model.coSimulation, "canInterpolateInputs", False)),
+        can_vary=bool(model.coSimulation.canHandleVariableCommunicationStepSize),
         fmi=int(model.fmiVersion[0]),
         rules=rules,
         step_size=step_size(model),

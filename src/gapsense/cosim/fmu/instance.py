@@ -190,7 +190,7 @@ class Instance:
         self.name, self.description = name, description
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = False
-        self.held = ctypes.c_void_p()
+        self.held: dict[str, ctypes.c_void_p] = {}
         self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
@@ -382,13 +382,13 @@ class Instance:
         finally:
             self.call("fmi2FreeFMUstate", ctypes.byref(state))
 
-    def hold(self) -> None:
-        """Keep the state as it is now, for `back`."""
-        self.call("fmi2GetFMUstate", ctypes.byref(self.held))
+    def hold(self, name: str) -> None:
+        """Keep the state as it is now under a name, for `back`."""
+        self.call("fmi2GetFMUstate", ctypes.byref(self.held.setdefault(name, ctypes.c_void_p())))
 
-    def back(self) -> None:
-        """Go back to the state that is held."""
-        self.call("fmi2SetFMUstate", self.held)
+    def back(self, name: str) -> None:
+        """Go back to the state that is held under this name."""
+        self.call("fmi2SetFMUstate", self.held[name])
 
     def facts(self) -> dict[str, Any]:
         """What a result tells of where it ran; nothing of an FMU here."""
@@ -397,9 +397,9 @@ class Instance:
     def close(self) -> None:
         """Free the instance and its library, unless it is dead."""
         if not self.is_dead:
-            if self.held:
+            for held in self.held.values():
                 with suppress(FmuError):
-                    self.call("fmi2FreeFMUstate", ctypes.byref(self.held))
+                    self.call("fmi2FreeFMUstate", ctypes.byref(held))
             self.is_dead = True
             self.loaded.free(self.entry("fmi2FreeInstance"))
 

@@ -182,13 +182,13 @@ class RemoteInstance(Instance):
         """Remember what another instance of the same FMU did."""
         self.wanted("restore", b64encode(saved).decode())
 
-    def hold(self) -> None:
-        """Keep the state as it is now, for `back`."""
-        self.wanted("hold")
+    def hold(self, name: str) -> None:
+        """Keep the state as it is now under a name, for `back`."""
+        self.wanted("hold", name)
 
-    def back(self) -> None:
-        """Go back to the state that is held."""
-        self.wanted("back")
+    def back(self, name: str) -> None:
+        """Go back to the state that is held under this name."""
+        self.wanted("back", name)
 
     def close(self) -> None:
         """Free the instance, and end its process."""
@@ -300,8 +300,8 @@ class Server:
             "call": lambda: instance.call(arguments),
             "initialize": lambda: instance.initialize(*arguments),
             "restore": lambda: instance.restore(b64decode(arguments)),
-            "hold": instance.hold,
-            "back": instance.back,
+            "hold": lambda: instance.hold(arguments),
+            "back": lambda: instance.back(arguments),
         }
         return others[verb]()
 

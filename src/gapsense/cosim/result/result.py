@@ -66,6 +66,20 @@ class Iterations:
 
 
 @dataclass(frozen=True)
+class Steps:
+    """How long the steps were that were controlled, and how many were done again, shorter."""
+
+    done: int
+    rejected: int  # pairs of steps
+    shortest: float  # [s]
+    longest: float
+    beyond: int  # pairs that were as short as they may be, and still off by more than they should
+    worst: float  # what a pair that counts was off by, of the nominal value
+    at: float  # end of that [s]
+    of: str  # the signal that was off by that
+
+
+@dataclass(frozen=True)
 class Run:
     """What was run and how: enough to repeat it, and to tell it from another."""
 
@@ -92,6 +106,7 @@ class Run:
     remarks: tuple[str, ...] = ()  # on what falls between its steps
     settings: Mapping[str, Value] = field(default_factory=dict)  # that were laid over the scenario
     loops: Mapping[str, Iterations] = field(default_factory=dict)  # by the components that repeat steps together
+    steps: Steps | None = None  # where they were controlled
     boards: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # of components on one: see `OnBoard.facts`
 
 
@@ -239,6 +254,7 @@ def read_result(path: str | Path) -> Result:
     columns, about = read_columns(path, units, content), data["run"]
     about |= {name: tuple(about[name]) for name in ("order", "delayed", "wires", "direct", "remarks") if name in about}
     about["loops"] = {name: Iterations(**item) for name, item in about.get("loops", {}).items()}
+    about["steps"] = Steps(**about["steps"]) if about.get("steps") else None
     return Result(
         run=Run(**{**about, "source": absolute(about["source"], path.parent)}),
         times=columns.pop("time"),

@@ -91,7 +91,7 @@ class Keeper(NamedTuple):
         recording.longest[:], recording.spread[:] = saved["longest"], saved["spread"]
         recording.wall += saved["wall"]
         recording.overruns, recording.lag = saved["overruns"], saved["lag"]
-        for name in ("loops", "inverses", "inputs"):
+        for name in ("loops", "inverses", "inputs", "steps"):
             setattr(recording, name, saved.get(name, {}))
         master.director.restore(about["events"])
         return int(about["done"]) + 1

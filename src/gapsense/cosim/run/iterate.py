@@ -9,15 +9,10 @@ the bits.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from ctypes import c_double
 from functools import partial
 from math import fsum, isfinite
-from time import perf_counter
 
-from gapsense.cosim.fmu.instance import SLOPE
-from gapsense.cosim.run.loop.reference import counter
-from gapsense.cosim.run.part import Part, Stepper, Work, first_turn
-from gapsense.cosim.run.recording import COMPONENT, STOP
+from gapsense.cosim.run.part import Part
 from gapsense.cosim.scenario.records import Experiment
 from gapsense.problems import FmuError
 
@@ -26,11 +21,10 @@ Matrix = list[Vector]
 Act = Callable[[Part, bool], None]  # lets a part of a loop act, for the first time or again
 PARALLEL = 1e-12  # of its square: what is left of a difference that says nothing new
 CHANGE = 1e-6  # of an unknown, for the Jacobian by differences
-PIECES = 1000  # of a step of a loop, at most
-LEAST_PIECE = 1e-9  # of a step: what is left of it less than that is rounding
 PATIENCE = 6  # evaluations beyond 2 n after which secants are given up
 ROUNDING = 1e-19  # of a value: with a larger one nothing can be told of its residual
 HALVINGS = 12  # of a step that has failed
+LOOP = "loop"  # what the state is held for
 
 
 class Spent(Exception):
@@ -229,9 +223,9 @@ def size(r: Vector) -> float:
 def renew(part: Part, is_again: bool) -> None:
     """Keep the state of a part, or bring it back to that."""
     if is_again:
-        part.instance.back()
+        part.instance.back(LOOP)
     else:
-        part.instance.hold()
+        part.instance.hold(LOOP)
 
 
 # At the start: first by inputs and outputs in initialization mode, which FMI foresees for loops; what then still
@@ -258,182 +252,3 @@ def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Pa
             raise FmuError("run", unsolved, time=experiment.start, step=0)
         evaluations += sweep.count
     return evaluations
-
-
-# Inputs that go to their new value in a straight line: then what leaves one component arrives at the other.
-
-
-def can_ramp(part: Part, experiment: Experiment) -> bool:
-    """True for a part that takes slopes of its inputs, and should."""
-    can = part.instance.description.can_interpolate and experiment.inputs == "linear"
-    return can and part.follows and any(channel.is_in_place for channel in part.givers)
-
-
-def line(old: float, new: float, duration: float) -> tuple[float, float]:
-    """Value at the beginning of a step, and slope; a value that was lost, NaN, has no line before or after it."""
-    slope = (new - old) / duration
-    return (old, slope) if isfinite(slope) else (new, 0.0)
-
-
-class Ramp:
-    """Continuous inputs of a part: what they were when it stepped last, and their slopes in a step."""
-
-    def __init__(self, part: Part, work: Work) -> None:
-        channel = next(channel for channel in part.givers if channel.is_in_place)
-        own = {port: part.places.variable(port) for port in channel.ports}
-        own = {p: v for p, v in own.items() if v.variability in ("", "continuous") and p not in part.means}
-        self.part, self.buffer, self.places = part, part.buffer, [part.places.index[port] for port in own]
-        self.duration = part.component.step * work.experiment.base_step
-        now = [self.buffer[place] for place in self.places]
-        self.old = work.recording.inputs.setdefault(part.component.name, now)
-        self.slopes = (c_double * len(own))()
-        self.tell = part.instance.sloper([*own.values()], self.slopes)
-        self.copy, self.give, self.new = part.copier(), part.taker(self.put), list(now)
-
-    def put(self) -> None:
-        """Take the new values, and put the old ones to where they are given from."""
-        self.copy()
-        self.new = [self.buffer[place] for place in self.places]
-        lines = [line(old, new, self.duration) for old, new in zip(self.old, self.new)]
-        self.slopes[:] = [slope for _, slope in lines]
-        self.set([begin for begin, _ in lines])
-
-    def set(self, values: Vector) -> None:
-        """Set the inputs in the buffer."""
-        for place, value in zip(self.places, values):
-            self.buffer[place] = value
-
-    def take(self) -> str:
-        """Give the part its inputs at the beginning of the step, and their slopes; what failed, or nothing."""
-        failed = self.give()
-        self.set(self.new)
-        return failed or (self.part.checked(self.tell(), SLOPE) if self.places else "")
-
-    def keep(self) -> None:
-        """The step is over: the next one begins where it has ended."""
-        self.old[:] = self.new
-
-
-# In every base step.
-
-
-def iterating(work: Work) -> Callable[[int], None]:
-    """Function of the base step that lets every part step that is due, in order, those of a loop until they agree."""
-    turns = Turns(work)
-
-    def step(k: int) -> None:
-        turns.begin(k)
-        for unit in turns.units:
-            if due := tuple(i for i in unit if turns.due[i] == k):
-                turns.take(due)
-
-    return step
-
-
-class Turns:
-    """Whose turn it is at a base step, and what they then do."""
-
-    def __init__(self, work: Work) -> None:
-        self.work, self.parts, self.buffer, self.k = work, work.parts, work.parts[0].buffer, 0
-        base = work.experiment.base_step
-        self.due = [first_turn(part.component, work.begin) for part in work.parts]
-        self.ramps = {part: Ramp(part, work) for part in work.parts if can_ramp(part, work.experiment)}
-        takes = [self.ramps[part].take if part in self.ramps else None for part in work.parts]
-        self.steppers = [part.stepper(base, True, take) for part, take in zip(work.parts, takes)]
-        self.count = counter(work)
-        self.numbers = {part: i for i, part in enumerate(work.parts)}
-        in_loop = {i: tuple(loop) for loop in work.loops for i in loop}
-        self.units = [*dict.fromkeys(in_loop.get(i, (i,)) for i in range(len(work.parts)))]
-        self.sweeps: dict[tuple[int, ...], Sweep] = {}
-        self.gone = self.length = 0.0  # where the piece of a step begins that a loop does, and its length; 0: all [s]
-        self.warned: list[int] = []
-
-    def begin(self, k: int) -> None:
-        """Begin a base step: keep the values that delayed connections carry."""
-        self.k = k
-        for part in self.parts[:1]:
-            part.places.remember(part.buffer, part.texts)
-
-    def take(self, due: tuple[int, ...]) -> None:
-        """Let parts of a unit step, which are due."""
-        sweep = self.sweeps.get(due) or self.prepared(due)
-        self.warned = [part.warnings for part in self.parts]
-        if sweep.is_loop:
-            self.cut(sweep)
-        else:
-            for part in sweep.parts:
-                self.act(part)
-        for i in due:
-            self.due[i] = self.k + self.parts[i].component.step
-            self.count(i)
-            if ramp := self.ramps.get(self.parts[i]):
-                ramp.keep()
-        if any(part.ended for part in sweep.parts):
-            self.work.marks[STOP] = 1
-
-    def prepared(self, due: tuple[int, ...]) -> Sweep:
-        """The sweep of these parts, with the inverse that was kept of it."""
-        sweep = self.sweeps[due] = Sweep([self.parts[i] for i in due], self.work.experiment)
-        sweep.inverse = self.work.recording.inverses.setdefault(sweep.names, sweep.inverse)
-        return sweep
-
-    def cut(self, sweep: Sweep) -> None:
-        """Let a loop step to where its parts say that the step should end, then on from there, until it is over."""
-        edges = [place for part in sweep.parts for place in part.edges]
-        if not edges:
-            return self.solve(sweep)
-        ramps = [self.ramps[part] for part in sweep.parts if part in self.ramps]
-        whole = length = sweep.parts[0].component.step * self.work.experiment.base_step
-        for _ in range(PIECES):
-            self.solve(sweep)
-            edge = min(self.buffer[place] for place in edges)
-            if 0.0 < edge < length:
-                for part in sweep.parts:
-                    part.instance.back()
-                length = edge
-            else:
-                self.gone, length = self.gone + length, whole - self.gone - length
-                for ramp in ramps:
-                    ramp.keep()
-            is_over = length <= LEAST_PIECE * whole
-            self.gone, self.length = (0.0, 0.0) if is_over else (self.gone, length)
-            for ramp in ramps:
-                ramp.duration = whole if is_over else length
-            if is_over:
-                return
-        problem = f"a step of the loop of `{sweep.names}` has too many edges for {PIECES} trials. Reduce `base_step`."
-        raise FmuError("run", problem, time=self.work.experiment.time(self.k - 1) + self.gone, step=self.k)
-
-    def stepper(self, i: int) -> Stepper:
-        """Function of the start time that lets a part do its step, or the piece of it that is due."""
-        if not self.length:
-            return self.steppers[i]
-        part = self.parts[i]
-        ramp = self.ramps.get(part)
-        return part.stepper(self.length / part.component.step, True, ramp.take if ramp else None)
-
-    def solve(self, sweep: Sweep) -> None:
-        """Let the parts of a loop step until they agree, and count how often."""
-        if unsolved := sweep.solve(self.repeat):
-            raise FmuError("run", unsolved, time=self.work.experiment.time(self.k - 1), step=self.k)
-        counts = self.work.recording.loops.setdefault(sweep.names, [0, 0, 0, 0])
-        counts[:2] = counts[0] + 1, counts[1] + sweep.count
-        if sweep.count > counts[2]:
-            counts[2:] = sweep.count, self.k
-
-    def repeat(self, part: Part, is_again: bool) -> None:
-        """Let a part of a loop step, from the state that it had before."""
-        begin = perf_counter()
-        renew(part, is_again)
-        self.work.recording.seconds[self.numbers[part]] += perf_counter() - begin
-        self.act(part)
-
-    def act(self, part: Part) -> None:
-        """Let a part step."""
-        i, every, experiment = self.numbers[part], part.component.step, self.work.experiment
-        self.work.marks[COMPONENT], part.ended, part.warnings = i + 1, 0, self.warned[i]
-        begin, last = experiment.start + (self.k - every) * experiment.base_step + self.gone, perf_counter()
-        failed = self.stepper(i)(begin)
-        self.work.recording.seconds[i] += perf_counter() - last
-        if failed:
-            raise part.failure(failed, begin, self.k)

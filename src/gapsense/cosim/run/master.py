@@ -19,7 +19,7 @@ from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, inst
 from gapsense.cosim.fmu.remote import RemoteInstance
 from gapsense.cosim.run.events import Director, explained
 from gapsense.cosim.run.iterate import start_loop
-from gapsense.cosim.run.loop.compiled import advancer, language
+from gapsense.cosim.run.loop.compiled import advancer
 from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, place, player
 from gapsense.cosim.run.recording import (
     COMPONENT,
@@ -38,7 +38,7 @@ from gapsense.cosim.run.recording import (
     shape,
     varied_events,
 )
-from gapsense.cosim.scenario.records import ITERATIVE, Component, Experiment, Port, Scenario, ports, texts
+from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Component, Experiment, Port, Scenario, ports, texts
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
@@ -93,6 +93,19 @@ class Master:
             component, instance = self.scenario.components[name], self.instance(name)
             self.parts.append(Part(component, instance, self.buffer, self.places, self.texts))
             self.parts[-1].connect(self.scenario.connections)
+            self.delay(self.parts[-1])
+
+    def delay(self, part: Part) -> None:
+        """Tell a part which of its inputs have in a step the value at its beginning.
+
+        Of these, two values tell no slope where they come more seldom than they are taken, or events change them.
+        """
+        every = {JACOBI: self.scenario.connections, ITERATIVE: ()}
+        late = every.get(self.scenario.experiment.method, self.order.delayed)
+        steps = {name: component.step for name, component in self.scenario.components.items()}
+        changed = {event.target for event in self.places.events.values()}
+        part.late = {c.target for c in late}
+        part.held = {c.target for c in late if c.target in changed or steps[c.source.component] != part.component.step}
 
     def instance(self, name: str) -> Instance:
         """Instance of a component, in a process of its own if the scenario wants that."""
@@ -172,8 +185,7 @@ class Master:
         step in which the mark STOP is set. The `keeper` has where to go on and when to save.
         """
         recording = recording or Recording(np.empty(shape(self.scenario, columns)))
-        is_iterative = self.scenario.experiment.method == ITERATIVE
-        recording.begun, recording.loop = perf_counter(), "Python" if is_iterative else language()
+        recording.begun = perf_counter()
         try:
             self.initialize(seeds, values or {})
             recording.parameters = {
@@ -272,7 +284,7 @@ class Master:
                 change = self.director.turn(done)
             if wait:
                 wait(done)
-            if done == pause:
+            if done >= pause:
                 pause = rest(done)
             recording.interrupted = done < count and bool(self.marks[STOP])
         if recording.interrupted and keeper:
@@ -311,6 +323,7 @@ class Master:
                 begin=begin,
                 watches=self.director.watches,
                 loops=self.loops,
+                limit=lambda: self.director.limit,
             )
         )
 
@@ -375,16 +388,19 @@ class Action(NamedTuple):
 def pauses(actions: Sequence[Action], count: int, done: int) -> tuple[int, Callable[[int], int]]:
     """The next base step after which there is something to do, and the function that does it and gives the next one.
 
-    The loop should not have to ask at each step.
+    The loop should not have to ask at each step. It may come later, where steps are controlled.
     """
 
-    def following(k: int) -> int:
-        return min([count, *(k - k % action.every + action.every for action in actions)])
+    def following(k: int) -> list[int]:
+        return [min(count, k - k % action.every + action.every) for action in actions]
+
+    due = following(done)
 
     def pause(k: int) -> int:
-        for action in actions:
-            if not k % action.every or k == count:
+        for action, when in zip(actions, due):
+            if k >= when:
                 action.do(k)
-        return following(k)
+        due[:] = following(k)
+        return min(due, default=count)
 
-    return following(done), pause
+    return min(due, default=count), pause

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+import sys
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -240,6 +241,8 @@ class Part:
         self.texts, self.spoken, self.problem = texts, list[tuple[Port, Port]](), ""
         self.wires: list[Wire] = []
         self.means: set[Port] = set()  # inputs that have a mean over the step
+        self.late: set[Port] = set()  # inputs of which a step has the values of its beginning
+        self.held: set[Port] = set()  # those that cannot go on from their last two values
         self.outputs = places.of(component.name, "output")
         self.edges = [places.index[Port(component.name, component.edge)]] if component.edge else []
         self.stages = {name: Stage(slot) for name, slot in places.slots_of(component.name).items()}
@@ -341,13 +344,9 @@ class Part:
         self.status = status
         return function if status > WARNING else ""
 
-    def stepper(self, base_step: float, takes_inputs: bool, take: Callable[[], str] | None = None) -> Stepper:
-        """Function of the start time that does one step and reads the outputs; returns what failed, or nothing.
-
-        For Gauss-Seidel the inputs are taken first, unless nothing is connected to them: then they never change.
-        """
-        take = take or self.taker() if takes_inputs and self.follows else None
-        do, read = self.instance.doer(self.component.step * base_step), self.reader()
+    def stepper(self, duration: float, take: Callable[[], str] | None = None) -> Stepper:
+        """Function of the start time that takes inputs, does a step and reads outputs; what failed, or nothing."""
+        do, read = self.instance.doer(duration), self.reader()
 
         def step(start: float) -> str:
             failed = take() if take else ""
@@ -463,6 +462,7 @@ class Work(NamedTuple):
     begin: int
     watches: Sequence[Watch] = ()  # conditions of which news end a block
     loops: Sequence[Sequence[int]] = ()  # places among the parts of those that repeat each step together
+    limit: Callable[[], int] = lambda: sys.maxsize  # the next base step after which events change
 
 
 def first_turn(component: Component, begin: int) -> int:

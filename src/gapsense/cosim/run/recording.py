@@ -40,7 +40,7 @@ from gapsense.tables import Value
 from gapsense.version import __version__
 
 if TYPE_CHECKING:
-    from gapsense.cosim.result.result import Result, Run, Signal, Timing
+    from gapsense.cosim.result.result import Result, Run, Signal, Steps, Timing
 
 BINS, OF_OCTAVE, LEAST = 512, 16, -26  # the first one begins at 2**LEAST s, and takes all that is shorter
 Counts = npt.NDArray[np.int64]
@@ -92,6 +92,7 @@ class Recording:
     loops: dict[str, list[int]] = field(default_factory=dict)
     inverses: dict[str, list[list[float]]] = field(default_factory=dict)
     inputs: dict[str, list[float]] = field(default_factory=dict)  # at the last step of components that interpolate
+    steps: dict[str, Any] = field(default_factory=dict)  # with `step_control`: how long they were, see `control.py`
 
     def start(self, parts: int) -> Recording:
         """Begin to count the steps of so many components."""
@@ -331,6 +332,7 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
             overruns=overruns,
             lag=lag,
             loops={name: Iterations(n[0], n[1], n[2], time(n[3])) for name, n in recording.loops.items()},
+            steps=steps_of(recording.steps, subject) if recording.steps else None,
             remarks=(*subject.run.remarks, *said(subject, recording)),
             boards=recording.boards,
         ),
@@ -347,10 +349,26 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
     )
 
 
+def steps_of(told: Mapping[str, Any], subject: Subject) -> Steps:
+    """How long steps were that were controlled."""
+    from gapsense.cosim.result.result import Steps
+
+    experiment = subject.scenario.experiment
+    same = {key: told[key] for key in ("done", "rejected", "beyond", "of")}
+    lengths = {key: told[key] * experiment.base_step for key in ("shortest", "longest")}
+    worst, at = told["worst"] * (experiment.step_control or 0.0), experiment.time(told["at"])
+    return Steps(**same, **lengths, worst=worst, at=at)
+
+
 def said(subject: Subject, recording: Recording) -> Iterator[str]:
     """Sentences on what components did in the run that is no failure: the end of it, warnings."""
     if recording.ended:
         yield recording.ended
+    if beyond := recording.steps.get("beyond"):
+        yield (
+            f"experiment.step_control: {beyond} pairs of the shortest steps are off by more, the worst in "
+            f"`{recording.steps['of']}` by {recording.steps['worst']:.3g} times that. Reduce `base_step`."
+        )
     for name, board in recording.boards.items():
         if board["repeated"]:
             what = ", ".join(f"{count} x {trouble}" for trouble, count in board["repeated"].items())

@@ -149,12 +149,28 @@ EXPERIMENT = Section(
         Key(
             "inputs",
             TEXT,
-            "With `iterative`: Real inputs of components that can interpolate (canInterpolateInputs) go to their new "
-            "value in a straight line, or have it from the beginning of the step",
-            '"hold"',
-            default=Experiment.inputs,
+            "Real inputs of components that can interpolate (canInterpolateInputs) go in a straight line to their new "
+            "value, or on from their last two values where the new one is not known yet; or they hold in a step",
+            '"linear"',
+            otherwise="`linear` with `iterative`, else `hold`",
             choices=INTERPOLATIONS,
         ),
+        Key(
+            "step_control",
+            POSITIVE,
+            "Values are exchanged every so many base steps that they are off by about this at most, of their nominal "
+            "value, or of the value itself if that is more",
+            "1e-4",
+            otherwise="in every base step",
+        ),
+        Key(
+            "shortest_step",
+            COUNT,
+            "With `step_control`: base steps from exchange to exchange, at least",
+            "2",
+            default=1,
+        ),
+        Key("longest_step", COUNT, "The same, at most", "50", otherwise="up to the next row"),
     ),
 )
 SET = Section(

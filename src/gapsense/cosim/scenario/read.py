@@ -45,6 +45,8 @@ from gapsense.cosim.scenario.keys import (
 )
 from gapsense.cosim.scenario.records import (
     ACTIONS,
+    INTERPOLATIONS,
+    ITERATIVE,
     MOST_RUNS,
     MOST_STEPS,
     NAME,
@@ -313,6 +315,7 @@ TIME = "time"
 T = TypeVar("T")
 LONGEST = 1e6  # wall time that is waited for [s], some days
 COARSEST = 1e-3  # of a base step, between two numbers as large as its time
+CONTROL = ("step_control", "shortest_step", "longest_step")
 NO_EXPERIMENT = Experiment(0.0, 1.0, 1.0, 1)
 
 
@@ -431,7 +434,14 @@ class Reader:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
         read = grid(table, start, stop, base, given["method"], given["pace"]) or NO_EXPERIMENT
-        own = {key: given[key] for key in ("isolation", "loop_tolerance", "loop_evaluations", "inputs")}
+        own = {key: given[key] for key in ("isolation", "loop_tolerance", "loop_evaluations", "inputs", *CONTROL)}
+        own["inputs"] = own["inputs"] or INTERPOLATIONS[given["method"] != ITERATIVE]
+        if own["longest_step"] and own["longest_step"] < own["shortest_step"]:
+            found = f"{own['longest_step']} found, at least `shortest_step` = {own['shortest_step']} expected"
+            table.note("longest_step", f"{found}. Correct one of them.")
+        if own["step_control"] is None:
+            for key in [key for key in CONTROL if key in table.data]:
+                table.note(key, "it is for steps that are controlled. Give `step_control`, or remove it.")
         return replace(read, **own, step_limit=min(float(given["step_limit"]), LONGEST))
 
     def components(self, table: Table) -> dict[str, Component]:

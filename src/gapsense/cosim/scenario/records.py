@@ -47,7 +47,10 @@ class Experiment:
     step_limit: float = STEP_LIMIT  # wall time [s] of one step of a component in another process
     loop_tolerance: float = 1e-8  # of the nominal value: what a loop that is iterated may be off
     loop_evaluations: int = 100  # of a loop in a step, at most
-    inputs: str = "linear"  # how they get to a new value in a step, if `iterative` and the component can do that
+    inputs: str = "hold"  # or `linear`: how they go on in a step, if the component can do that
+    step_control: float | None = None  # of the nominal value: what a step may be off; None: all are base steps
+    shortest_step: int = 1  # base steps between two exchanges of values
+    longest_step: int | None = None
 
     def time(self, index: int) -> float:
         """Time of base step `index` [s], computed by multiplication so that errors do not add up."""
@@ -306,8 +309,8 @@ def product(sizes: Iterable[int]) -> str:
 
 
 NAME = "[A-Za-z_][A-Za-z0-9_]*"  # of a component, whose signals are written `component.variable`, or of an event
-ITERATIVE = "iterative"
-METHODS = ("gauss-seidel", "jacobi", ITERATIVE)
+ITERATIVE, JACOBI = "iterative", "jacobi"
+METHODS = ("gauss-seidel", JACOBI, ITERATIVE)
 ISOLATIONS = ("none", "process")
 MOST_STEPS = 10**10  # of a run: hours for the smallest
 

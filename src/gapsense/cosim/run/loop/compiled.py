@@ -11,10 +11,10 @@ from typing import Any
 from gapsense._os.native import structures
 from gapsense._os.processes import MARKS
 from gapsense.cosim.fmu.instance import STEP
-from gapsense.cosim.run.iterate import iterating
 from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import STOP
+from gapsense.cosim.run.turns import can_ramp
 from gapsense.cosim.scenario.records import ITERATIVE, Watch
 
 __all__ = ["Advance", "Work", "advancer", "language"]
@@ -27,10 +27,17 @@ def language() -> str:
 
 def advancer(work: Work) -> Advance:
     """Function that does base steps up to a given one, and says how far it came."""
-    if work.experiment.method == ITERATIVE:
-        return in_python(work, iterating(work))
-    run = entry()
+    is_needed = needs_python(work)
+    run = None if is_needed else entry()
+    work.recording.loop = "C" if run else "Python only" if is_needed else "Python"
     return in_c(work, run) if run else in_python(work)
+
+
+def needs_python(work: Work) -> bool:
+    """True for a run that does more than one step after the other, with values that hold in them."""
+    experiment = work.experiment
+    has_control = experiment.method == ITERATIVE or experiment.step_control is not None
+    return has_control or any(can_ramp(part, experiment) for part in work.parts)
 
 
 # Base steps in C, many per call: what loop.c works on, and what its answers mean.
@@ -98,8 +105,11 @@ class Guest:
         self.links = array_of(part)
         self.takes_first = is_sequential and part.follows
         if not part.is_direct:
-            self.step = PythonStep(self.noted(part.stepper(base, is_sequential)))
-            self.take = PythonTake(self.noted(part.taker()))
+            take = part.taker()
+            self.step = PythonStep(
+                self.noted(part.stepper(part.component.step * base, take if self.takes_first else None))
+            )
+            self.take = PythonTake(self.noted(take))
 
     def noted(self, act: Callable[..., str]) -> Callable[..., int]:
         """A function that does the same, says whether it failed, and never raises."""
