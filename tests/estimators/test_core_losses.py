@@ -19,6 +19,7 @@ from gapsense.estimators.core_losses import advanced, bent, lossy
 from gapsense.estimators.ekf import process_noise, tuning
 from gapsense.estimators.ertss import backward
 from gapsense.estimators.kalman import Gaussian, predict
+from gapsense.estimators.motions import room_for
 from gapsense.estimators.readings import believed
 from gapsense.estimators.reduced_model import FLUX_LINKAGE, Held, after, normalised, transition
 from gapsense.estimators.rts import smooth_record
@@ -201,7 +202,7 @@ def test_smoother_keeps_resistance_and_hysteresis_of_every_sample() -> None:
             kept[place] = (state.filter.voltage, R, state.filter.hysteresis)
     assert len(kept) > 50
     for place, values in kept.items():
-        assert ertss._loaded(state.samples, place)[1:] == values
+        assert ertss._loaded(state.samples, place, room_for(par.motion_memory))[1:] == values
 
 
 def test_smoother_of_records_and_component_agree_with_losses() -> None:

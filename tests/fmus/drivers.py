@@ -344,7 +344,8 @@ def build_second_versions(folders: list[str], work: str, out: str) -> dict[str, 
         component = load_component(folder)
         port = next(p for p in reversed(component.ports) if p.causality == "parameter" and p.kind == "Real" and p.start)
         copy = Path(shutil.copytree(folder, Path(work) / folder.name))
-        about = {"module": folder.name, "name": port.name, "start": 1.0625 * port.start}
+        is_within = port.max is None or 1.0625 * port.start <= port.max
+        about = {"module": folder.name, "name": port.name, "start": port.start * (1.0625 if is_within else 0.9375)}
         with (copy / "component.py").open("a", encoding="utf-8") as file:
             file.write(SECOND.format(**about))
         field = component.of("output")[0].field
