@@ -14,7 +14,6 @@ from gapsense.estimators.mhe.follow import Coil, Follow, Reading, decide, feed_b
 from gapsense.estimators.mhe.model import (
     Bouncing,
     Device,
-    Model,
     Parameters,
     Point,
     advance,
@@ -92,7 +91,8 @@ class Held(NamedTuple):
     held: Scalar = 0.0  # samples so far
     held_current: Scalar = 0.0
     held_drift: Scalar = 0.0  # last current less its mean
-    held_creep: Scalar = 0.0  # mean of the rate of the model's flux linkage
+    held_rate: Scalar = 0.0  # of the model's flux linkage [V]
+    held_creep: Scalar = 0.0  # its mean
     held_resistance: Scalar = 0.0  # at the end of the last one that was long and large enough; or 0
     zero: Scalar = 0.0  # current that was measured at the end of the last one without voltage that was long enough
 
@@ -248,8 +248,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     w = where(has_current & not_(is_edge), weight(par), 0.0)
     is_same_command = inputs.command == state.last_command
     samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)), par)
-    creep = _rate(before, u, with_device(first, Device(*get(state.believed, START))))
-    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, creep, par)
+    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, par)
     # the window
 
     def held_resistance() -> Scalar:
@@ -282,7 +281,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_set(state.follow.is_on), lambda: feed_back(before, state.follow, reading, m), open_loop
     )
     now = Point(*causal)
-    innovation = where(has_current, i - current(now, mean_of(before.voltage, u, m), m), 0.0)
+    i_model = current(now, mean_of(before.voltage, u, m), m)
+    innovation = where(has_current, i - i_model, 0.0)
     seen = Seen(
         innovation=innovation,
         has_current=has_current,
@@ -325,7 +325,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         last_command=inputs.command,
         causal=causal,
         believed=believed,
-        held=held,
+        held=held._replace(held_rate=u - m.d.resistance * i_model),
         watch=watch,
         follow=follow,
         work=work,
@@ -334,11 +334,6 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     known = get(work.learnt.deviations, START)
     return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
-
-
-def _rate(p: Point, u: Scalar, m: Model) -> Scalar:
-    """Of the flux linkage of the model."""
-    return u - m.d.resistance * current(p, u, m)
 
 
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
@@ -382,14 +377,14 @@ def _forget_held(held: Held, goes_on: Scalar, par: Parameters) -> Held:
     return held._replace(held_resistance=where(goes_on | not_(is_set(par.option_command)), held.held_resistance, 0.0))
 
 
-def _hold(before: Held, u: Scalar, i: Scalar, creep: Scalar, par: Parameters) -> Held:
+def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
     changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
     share = where(changes, 1.0, RECENT)
     return when(changes, lambda held: _change_level(held, u, par), before)._replace(
         held=where(changes, 0.0, before.held + 1.0),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
-        held_creep=before.held_creep + share * (creep - before.held_creep),
+        held_creep=before.held_creep + share * (before.held_rate - before.held_creep),
         held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
     )
 
