@@ -13,6 +13,7 @@ from trials import HOSTS, largest_difference
 from gapsense.fmi.components import load_component
 
 TOLERANCE = 1e-15  # of the nominal value: libcosim hands signals on in its own way
+LENGTHS = {"PowerStage": 1e-13}  # its output `edge` is the length of a step, which libcosim has as a difference of times
 RESULTS = ROOT / "build" / "hosts"
 
 
@@ -34,4 +35,4 @@ def test_components_in_host(host: str, kind: str, request: pytest.FixtureRequest
     about = {"host": tried.name, "platform": tried.platform, "kind": kind, "version": tried.version()}
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / f"{host}-{kind}.json").write_text(json.dumps({**about, "differences": differences}), encoding="utf-8")
-    assert max(differences.values()) <= TOLERANCE, differences
+    assert {name: d for name, d in differences.items() if d > LENGTHS.get(name, TOLERANCE)} == {}
