@@ -13,7 +13,7 @@ from trials import HOSTS, largest_difference
 from gapsense.fmi.components import load_component
 
 TOLERANCE = 1e-15  # of the nominal value: libcosim hands signals on in its own way
-LENGTHS = {"PowerStage": 1e-13}  # its output `edge` is the length of a step, which libcosim has as a difference of times
+LENGTHS = {"PowerStage": 1e-13}  # `edge` is the length of a step, in libcosim a difference of times
 RESULTS = ROOT / "build" / "hosts"
 
 
