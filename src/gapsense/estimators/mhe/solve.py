@@ -82,6 +82,7 @@ LOST_MISFIT = 2.0  # of a window that goes before one that nothing explains: wha
 GOOD_MISFIT = 1.5  # below it others may go back to what the window has taught
 PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 PROOF = 2.0  # windows, a closing and an opening, that must be explained after a new beginning: the first may be a fault
+LONGER = 2.0  # times the usual backlog, where a window is made longer after a new beginning
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 JUMP = 0.03  # of R: a held voltage says better where to start
 
@@ -235,8 +236,11 @@ def _blind(par: Parameters) -> Array:
 def _is_behind(work: Work, par: Parameters) -> Scalar:
     """Whether more samples wait behind a window that nothing explained than are worth the work."""
     is_due = (work.phase == Phase.deriving) & not_(work.pass_start == PassStart.under_way)
-    is_new = is_due & (work.window.end <= 0.0) & not_(is_set(work.window.has_grown))
-    return is_new & (work.learnt.misfit >= REJECT_MISFIT) & (work.window.age > effort(work.learnt, par).backlog)
+    grows, is_untold = is_set(work.window.has_grown), is_untaught(work.learnt, par)
+    is_new = is_due & (work.window.end <= 0.0) & not_(is_untold & grows)
+    backlog = effort(work.learnt, par).backlog
+    most = where(grows & (work.learnt.rejected < 0.0), LONGER * backlog, backlog)
+    return is_new & (work.learnt.misfit >= REJECT_MISFIT) & (work.window.age > most)
 
 
 def wait(work: Work, causal: Point, par: Parameters) -> Work:
