@@ -15,13 +15,16 @@ from opened import METRICS, PATIENCE, Opened
 
 from gapsense.cosim import changed, run
 from gapsense.cosim.scenario.read import load
+from gapsense.cosim.scenario.records import ITERATIVE
 from gapsense.page.page import write_page
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("zig")]
 ROOT = Path(__file__).resolve().parents[2]
-SCENARIOS = sorted(
-    f.parent for f in ROOT.glob("scenarios/*/scenario.toml") if f.parent.name != "firmware"
-)  # run_to_run
+SCENARIOS = sorted(  # firmware is run_to_run; a page iterates no loops
+    f.parent
+    for f in ROOT.glob("scenarios/*/scenario.toml")
+    if f.parent.name != "firmware" and load(f).experiment.method != ITERATIVE
+)
 WITH_EVENTS = [  # variants that have events
     (folder, name)
     for folder in SCENARIOS
