@@ -12,7 +12,7 @@ from typing import NamedTuple
 from gapsense.kernels.interface import input_, measured, output, parameter, ports, same
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.linalg import total
-from gapsense.kernels.trace import where
+from gapsense.kernels.trace import fabs, where
 
 INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT, UNLEARNT = (
     float(2**k) for k in range(11)
@@ -31,6 +31,7 @@ CAUSES = {
     UNLEARNT: "device not learnt yet, operate it twice",
 }
 WHY_NOT = "Why not, a sum of " + ", ".join(f"{bit:.0f}: {cause}" for bit, cause in CAUSES.items())
+JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
 TWICE = 2.0  # motion and eddy currents drive more current than the voltage alone
 
 
@@ -80,6 +81,11 @@ def worse(before: Health, bit: float, is_so: Scalar) -> Health:
 def can_be_read(value: Scalar, limit: Scalar) -> Scalar:
     """Neither NaN nor infinite nor beyond plus or minus `limit`."""
     return (value > -limit) & (value < limit)
+
+
+def is_edge(change: Scalar, edge: Scalar, noise_voltage: Scalar) -> Scalar:
+    """Whether a voltage, or its change, is larger than noise makes it, by more than `edge`."""
+    return fabs(change) > edge + JUMP * noise_voltage
 
 
 def is_mode(value: Scalar) -> Scalar:

@@ -211,7 +211,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
     leaves, limits = _leaves(state.x, estimate.mean, par), Limits(par.health_samples, par.health_limit, 0.0)
-    is_edge = fabs(voltage - state.voltage) > EDGE + 6.0 * 2.0**0.5 * par.noise_voltage
+    is_edge = readings.is_edge(voltage - state.voltage, EDGE, par.noise_voltage)
     usual = compared(state.usual, innovation, S, has_current & is_sound, leaves, is_edge, limits)
     health = readings.health(
         {

@@ -15,7 +15,18 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.gap import gap
 from gapsense.estimators.kalman import Gaussian, condition, predict
-from gapsense.estimators.mhe.model import Model, Point, advance, current, electric, gain, is_resting, mean_of, point
+from gapsense.estimators.mhe.model import (
+    Model,
+    Point,
+    advance,
+    current,
+    electric,
+    gain,
+    is_between,
+    is_resting,
+    mean_of,
+    point,
+)
 from gapsense.kernels.layout import Array, Scalar, Vector
 from gapsense.kernels.linalg import diagonal, identity, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, not_, square, when, where
@@ -98,8 +109,7 @@ def decide(before: Follow, is_large: Scalar, is_edge: Scalar, seen: Callable[[],
 def _change(before: Follow, is_lasting: Scalar, coil: Coil, now: Point, m: Model) -> Follow:
     is_on, long = is_set(before.is_on), LASTING / m.T_s
     lasts = where(is_lasting, before.lasts + 1.0, 0.0)
-    is_on_stop = (now.position <= m.lower) | (now.position >= m.upper)
-    rests = where(is_on_stop, before.rests + 1.0, 0.0)
+    rests = where(is_between(now, m), 0.0, before.rests + 1.0)
     off = fabs(coil.resistance - m.d.resistance) / m.d.resistance
     is_other = (coil.resistance > 0.0) & (off > OTHER_COIL)
     fails = is_on & ((lasts >= long) | is_other | not_(coil.pulls))

@@ -40,7 +40,6 @@ from gapsense.estimators.mhe.watch import (
     weight,
 )
 from gapsense.estimators.mhe.window import (
-    JUMP,
     LARGE,
     RING,
     START,
@@ -60,6 +59,7 @@ from gapsense.estimators.mhe.window import (
 from gapsense.estimators.readings import (
     CURRENT,
     INNOVATION,
+    JUMP,
     LOST,
     OTHER,
     RESTARTED,

@@ -312,6 +312,11 @@ def is_resting(p: Point, m: Model) -> Scalar:
     return is_held & (not_(m.bounces) | (p.velocity == 0.0))
 
 
+def is_between(p: Point, m: Model) -> Scalar:
+    """Whether the mover is between its stops."""
+    return (p.position > m.lower) & (p.position < m.upper)
+
+
 def is_quiet(p: Point, mean: Scalar, m: Model) -> Scalar:
     """No voltage but noise, and no current: noise turns the hysteresis to and fro, and would demagnetize the core."""
     return (fabs(mean) < m.quiet_voltage) & (fabs(p.mmf) < m.quiet_current)

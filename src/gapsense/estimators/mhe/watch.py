@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.mhe.model import Model, Parameters, Point
-from gapsense.estimators.mhe.window import JUMP, Learnt, Samples, bounces_on, drives, place
+from gapsense.estimators.mhe.model import Model, Parameters, Point, is_between
+from gapsense.estimators.mhe.window import Learnt, Samples, bounces_on, drives, place
+from gapsense.estimators.readings import JUMP
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import clip, fabs, flag, is_set, load, not_, sqrt, square, when, where
 
@@ -140,7 +141,7 @@ def is_untold(watch: Watch, told: Parameters) -> Scalar:
 
 def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Model, par: Parameters) -> Watch:
     """An operation whose innovations are too large is strange; only two that are fine, with motions, take that back."""
-    between = (now.position > par.stop_lower) & (now.position < par.stop_upper)
+    between = is_between(now, m)
     is_known, by_place = learnt.explained >= _known(par), now.mmf_slope * m.through
     is_bouncing = bounces_on(before.is_bouncing, seen.before, now, m)
     is_lost = is_bouncing & seen.is_edge  # nobody knows where the mover is when the next operation begins

@@ -20,10 +20,12 @@ from gapsense.estimators.mhe.model import (
     apply_corrections,
     current,
     differentiate,
+    is_between,
     mean_of,
     point,
     with_device,
 )
+from gapsense.estimators.readings import is_edge
 from gapsense.kernels.layout import Array, Choice, Memory, Scalar, Vector, Whole, triangle, zeros
 from gapsense.kernels.linalg import matrix, outer, vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, loop, not_, store, when, where
@@ -44,7 +46,6 @@ FASTEST = 64  # pieces in a step, at most
 FAST = 16.0  # the same where the sample time says how many
 AT_ONCE, SPAN = 4, 80e-6  # samples that derivatives and sums take at once, at most, and their time [s]
 USUAL_TIME = 20e-6  # sample time at which one piece in a step suffices [s]
-JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge
 LARGE = 20.0  # noises that a current must have to say anything of the coil
 
 
@@ -389,7 +390,7 @@ def _visit(walk: Walk, window: Window, samples: Samples, m: Model, par: Paramete
     at, mean = advance(before, u, m, Bouncing(bounces, 0.5 * (last + i))), mean_of(before.voltage, u, m)
     i_model = current(at, mean, m)
     r = i - i_model
-    is_on_stop = (at.position <= m.lower) | (at.position >= m.upper)
+    is_on_stop = not_(is_between(at, m))
     is_loose = bounces_on(walk.is_loose, before, at, m)
     w = where(is_loose, 0.0, w)
     is_driven = drives(u, par) | (fabs(i_model) > LARGE * par.noise_current)
@@ -450,18 +451,13 @@ def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
 
 def drives(u: Scalar, par: Parameters) -> Scalar:
     """Whether a voltage, or a change of it, is more than what noise and a controller at rest make."""
-    return fabs(u) > par.edge + JUMP * par.noise_voltage
+    return is_edge(u, par.edge, par.noise_voltage)
 
 
 def bounces_on(bounced: Scalar, before: Point, at: Point, m: Model) -> Scalar:
     """Whether the mover comes back from a stop that it meets, or has and does not rest yet."""
     meets = is_between(before, m) & not_(is_between(at, m))
     return m.bounces & not_(at.velocity == 0.0) & (meets | is_set(bounced))
-
-
-def is_between(at: Point, m: Model) -> Scalar:
-    """Whether the mover is between its stops."""
-    return (at.position > m.lower) & (at.position < m.upper)
 
 
 def is_idle(walk: Walk) -> Scalar:
