@@ -287,11 +287,9 @@ class Judge:
     def __init__(self, scenario: Scenario, descriptions: Descriptions, held: frozenset[str], tolerance: float) -> None:
         self.scenario, self.descriptions, self.held, self.tolerance = scenario, descriptions, held, tolerance
         self.known = recorded_signals(watched(scenario), descriptions)
-        self.random = [
-            name
-            for name in scenario.components
-            if name not in held and (seed := descriptions[name].variables.get("seed")) and seed.type == "Integer"
-        ] + [name for name, event in scenario.events.items() if event.enabled and event.is_random]
+        self.random = [name for name in scenario.components if name not in held and descriptions[name].is_random] + [
+            name for name, event in scenario.events.items() if event.enabled and event.is_random
+        ]
         self.noisy: frozenset[str] = frozenset()  # signals that depend on their random numbers
 
     def shaken(self, scenario: Scenario) -> Scenario:

@@ -290,6 +290,12 @@ class Description:
         """Inputs, outputs or parameters, in the order of the file."""
         return [v for v in self.variables.values() if v.causality == causality]
 
+    @property
+    def is_random(self) -> bool:
+        """True if it has an Integer `seed`: with other steps it draws other random numbers."""
+        seed = self.variables.get("seed")
+        return seed is not None and seed.type == "Integer"
+
     @cached_property
     def arrays(self) -> Mapping[str, list[Variable]]:
         """Elements of each array, which move in one call."""

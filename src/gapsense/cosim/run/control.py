@@ -57,7 +57,7 @@ class Control:
         self.told.update({**NEW, "next": self.experiment.shortest_step, **self.told})
         for i in self.free:
             self.turns.gone[i] = self.told.get("gone", {}).get(self.parts[i].component.name, 0)
-        own = [self.parts[i] for i in sorted(self.free) if not is_random(self.parts[i])]
+        own = [self.parts[i] for i in sorted(self.free) if not self.parts[i].instance.description.is_random]
         wires = [(part, wire) for part in work.parts for wire in part.wires]
         seen = {*work.columns.tolist(), *(wire.source for _, wire in wires)}
         means = {w.source for part, w in wires if w.target in {part.places.inlets[port] for port in part.means}}
@@ -186,12 +186,6 @@ class Control:
         self.told["longest"] = max(self.told["longest"], end - begin)
         self.told["gone"] = {self.parts[i].component.name: self.turns.gone[i] for i in sorted(self.free)}
         return end
-
-
-def is_random(part: Part) -> bool:
-    """True for a component that draws other random numbers with other steps."""
-    seed = part.instance.description.variables.get("seed")
-    return seed is not None and seed.type == "Integer"
 
 
 def is_smooth(part: Part, port: Any) -> bool:
