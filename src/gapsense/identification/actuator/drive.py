@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from gapsense.estimators.mhe.model import Parameters
 from gapsense.estimators.mhe.watch import SAME
-from gapsense.estimators.mhe.window import JUMP
+from gapsense.estimators.readings import JUMP
 from gapsense.identification.measurements.operations import coarse, starts
 from gapsense.identification.measurements.prepare import remaining
 from gapsense.identification.measurements.record import Record, Vector
