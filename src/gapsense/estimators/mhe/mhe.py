@@ -24,7 +24,7 @@ from gapsense.estimators.mhe.model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, wait, work_on
+from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, is_untypical, wait, work_on
 from gapsense.estimators.mhe.watch import (
     RECENT,
     Seen,
@@ -77,7 +77,6 @@ from gapsense.kernels.layout import Array, Memory, Scalar, Vector, zeros
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, not_, store, when, where
 
-FAR = 5.5  # deviations from what was told that a device of the type does not have
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 CREEPING = 0.05  # of a voltage that is held: the rate of the model's flux linkage with which a coil is not settled yet
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
@@ -255,7 +254,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         return where(held.held_resistance > 0.0, held.held_resistance, _settled_resistance(held, par))
 
     window, is_first = state.work.window, state.work.pass_start == PassStart.first
-    is_doubtful = where(is_strange(state.watch), 1.0, window.is_doubtful)
+    is_doubtful = where(is_strange(state.watch) | is_untold(watch, told), 1.0, window.is_doubtful)
     work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
     work, smoothed, has_caught_up = cond(
         is_set(state.follow.is_on),
@@ -317,7 +316,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         LOST: not_(has_voltage & has_current),
         RESTARTED: work.learnt.given_up > 0.0,
         STILL: is_set(watch.is_still),
-        OTHER: _is_other(work, par),
+        OTHER: is_untypical(work.fit.q_prior, par),
         UNTOLD: is_untold(watch, told),
         UNLEARNT: is_unlearnt(watch, work.learnt, par),
     }
@@ -341,14 +340,6 @@ def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
     is_back, longest = not_(is_set(follow.is_on) | is_set(follow.is_futile)), par.window_longest / par.sample_time
     age = where(is_back & (work.window.age > longest), kept(par), work.window.age)
     return work._replace(window=work.window._replace(age=age))
-
-
-def _is_other(work: Work, par: Parameters) -> Scalar:
-    """Something was learnt that is too far from what was told."""
-    is_other: Scalar = False
-    for q, s in zip(get(work.fit.q_prior, START), priors(par)):
-        is_other = (fabs(q) > FAR * s) | is_other
-    return is_other
 
 
 def _is_told_late(work: Work, before: Learnt) -> Scalar:
