@@ -123,7 +123,8 @@ def inspect(
     descriptions = read_descriptions(draft.scenario, folder, problems)
     read = taken(draft.scenario, descriptions)
     problems += check_scenario(read, descriptions, draft.broken)
-    for name, component in read.components.items() if to_run else ():
+    on_boards = {name: c for name, c in read.components.items() if c.board} if to_run else {}
+    for name, component in on_boards.items():
         if problem := absent(component.board, component.firmware):
             problems.append(f"{read.path.name}, components.{name}.{problem}")
     return problems, read, descriptions

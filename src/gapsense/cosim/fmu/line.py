@@ -67,7 +67,7 @@ def wrong_board(board: str, firmware: Path | None) -> str:
 
 def absent(board: str, firmware: Path | None) -> str:
     """What a run with a board needs and this computer has not, or nothing."""
-    if board and os.name != "posix":
+    if os.name != "posix":
         return "board: boards need Linux or macOS. Leave it out."
     if not board.startswith("qemu:") or firmware is None:
         return ""

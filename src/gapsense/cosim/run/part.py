@@ -265,6 +265,11 @@ class Part:
         """True if an input may change during a run."""
         return bool(self.wires or self.stages or self.is_played or self.spoken)
 
+    def interpolates(self, experiment: Experiment) -> bool:
+        """True if its inputs go in a straight line in a step: it takes their slopes, and the experiment asks for it."""
+        can = experiment.inputs == "linear" and self.instance.description.can_interpolate
+        return can and self.follows and any(channel.is_in_place for channel in self.givers)
+
     def connect(self, connections: Sequence[Connection]) -> None:
         """Let inputs follow outputs from now on."""
         self.wires = self.places.wires(connections, self.component.name)
