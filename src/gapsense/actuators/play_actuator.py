@@ -176,7 +176,7 @@ def _micro_step(
 
 
 def _limited(act: Actuator, dt: Scalar, lam: Scalar) -> Scalar:
-    """Step `dt`, or less where the core saturates, as in `valve_steps`."""
+    """Step `dt`, or less where the core saturates, as in `solenoid_valve`."""
     core = magnetics.core_law(lam, act.circuit)
     steepness = act.open_reluctance + square(core) / act.par.core_reluctance
     fine = FINENESS * square(act.par.coil_turns) / (act.par.coil_resistance * steepness)
