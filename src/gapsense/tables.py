@@ -48,6 +48,7 @@ class Key(NamedTuple):
     is_dotted: bool = False  # free names with dots, which may be written as tables too
     is_other: bool = False  # another way than that of its neighbours, so that examples leave it out
     is_path: Callable[[str, str], bool] | None = None  # of a name and its text: relative to the file it stands in
+    unit: str = ""
 
 
 class Section(NamedTuple):
@@ -125,6 +126,23 @@ BOUNDS = Kind(
     is_span,
     {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
 )
+TYPES = {  # by the names that tables of keys have for them
+    "number": NUMBER,
+    "positive": POSITIVE,
+    "not_negative": NOT_NEGATIVE,
+    "count": COUNT,
+    "index": INDEX,
+    "truth": TRUTH,
+    "text": TEXT,
+    "number_or_text": NUMBER_OR_TEXT,
+    "scalar": SCALAR,
+    "texts": TEXTS,
+    "numbers": NUMBERS,
+    "list": LIST,
+    "bounds": BOUNDS,
+    "table": TABLE,
+    "tables": TABLES,
+}
 
 
 def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
