@@ -253,7 +253,7 @@ class Rest(NamedTuple):
 def micro_step(
     valve: Valve, left: Rest, at: Moving, gap: Gap, contact: Contact, sums: Sums
 ) -> tuple[tuple[Rest, Moving, Gap, Contact, Sums], Scalar]:
-    """One step of the loop, or all equal ones."""
+    """One micro-step, or all that follow if they are equal."""
     limit, is_moving = _limit(valve, at.lam), contact.mode == MOVING
     dt = _limited(valve, left.time, limit)
 
@@ -269,7 +269,7 @@ def micro_step(
 
 
 def _repeated(valve: Valve, limit: Limit, done: Step, left: Rest, sums: Sums) -> tuple[Rest, Sums]:
-    """Time left and sums after the next micro-steps of equal length: where the flux has settled, each does the same."""
+    """Time left and sums after further micro-steps of equal length: once the flux has settled, each does the same."""
 
     def is_equal(left: Rest) -> Scalar:
         return _goes_on(left) & (_limited(valve, left.time, limit) == done.length)
@@ -301,9 +301,9 @@ def gap_at(valve: Valve, h: Scalar) -> Gap:
 def _limit(valve: Valve, lam: Scalar) -> Limit:
     """Limit of a micro-step where the core saturates.
 
-    By (51) with (50) the flux has the rate r/N^2 (R_air + R_iron^2 / R_iron0) [1/s], which grows a hundredfold in
-    saturation; the explicit method would lose its accuracy there, and far in saturation its stability.  Beyond the
-    limit of shortening, the constant reluctance of the core above 0.999 of saturation keeps the flux bounded.
+    By (51) with (50) the rate of the flux is r/N^2 (R_air + R_iron^2 / R_iron0) [1/s]. It grows a hundredfold in
+    saturation, where the explicit method would lose its accuracy and, farther on, its stability. Beyond the limit of
+    shortening, the core has a constant reluctance above 0.999 of saturation, which bounds the flux.
     """
     rate = valve.resistance * (valve.open_square + square(magnetics.core_law(lam, valve.circuit)))  # times the scale
     fine = FINENESS * valve.rate_scale / rate

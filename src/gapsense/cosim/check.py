@@ -556,9 +556,10 @@ def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
 
 
 def check_sets(components: Mapping[str, Component], descriptions: Descriptions) -> Iterator[str]:
-    """Names in a parameter set that nobody has as a parameter, if all components that are given it are known.
+    """Names in a parameter set that no component has as a parameter.
 
-    What none of these has may be for another component: an FMU in the same folder.
+    They are told only if all components that are given the set are known. A name that none of these has may belong to
+    another component, whose FMU is in the same folder.
     """
     for file in dict.fromkeys(file for component in components.values() for file in component.sets):
         users = [name for name, component in components.items() if file in component.sets]

@@ -39,7 +39,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What testing one scenario, or one variant of it, showed."""
+    """What the test of a scenario, or of one of its variants, showed."""
 
     scenario: str
     path: Path
@@ -288,9 +288,9 @@ def is_baseline(file: Path) -> bool:
 
 
 def state_baseline(scenario: Source, variant: str | None) -> str:
-    """Add `[baseline]` to a scenario that does not state that it has one; what was added, or what is to be added.
+    """Add `[baseline]` to a scenario that has none; returns what was added, or what the user has to add.
 
-    Without it nobody would miss a baseline that is gone.
+    Without this section nobody would notice that a baseline is gone.
     """
     path = scenario_file(scenario)
     data = None if isinstance(scenario, Document) else read_toml(path, [])

@@ -1,11 +1,11 @@
 """Drive voltage: square wave, step, table, PWM, pulse profile, soft landing, bridge; edges anywhere in a step.
 
-`voltage` is the value at the end of the step, and on an edge the value just before it; `voltage_mean` is the exact mean
-over the step, so that an actuator driven by it gets the volt-seconds of an edge inside the step.
+`voltage` is the value at the end of the step; on an edge it is the value just before it. `voltage_mean` is the exact
+mean over the step. An actuator driven by the mean gets the volt-seconds of an edge inside the step.
 
-An edge counts as on a communication point if it is closer to it than 1e-9 of the step plus 1e-11 of the time, because
-hosts that add up their steps know their time only to accumulated rounding.  The step before then ends on it and the
-step after starts on it, so that its volt-seconds are neither lost nor counted twice.
+An edge counts as on a communication point if it is closer to it than 1e-9 of the step plus 1e-11 of the time: hosts
+that add up their steps know their time only to accumulated rounding. The step before ends on the edge and the step
+after starts on it, so its volt-seconds are neither lost nor counted twice.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ def _either(condition: Scalar, a: Wave, b: Wave) -> Wave:
 def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """[RTS] Fig. 13: high for dt1, low for dt2, high until half of the period, then the mirror image.
 
-    It is a square wave with a notch in its high half and the same as a pulse in its low half.
+    That is a square wave with a notch in its high half, and the same pulse in its low half.
     """
     half, delay = par.profile_half_period, par.profile_delay
     period, first = 2.0 * half, clip(par.profile_first, 0.0, half)
@@ -242,10 +242,11 @@ def levels(low: Scalar, high: Scalar, is_high: Scalar, fraction: Scalar) -> tupl
 
 
 def pulsed(time: Scalar, dt: Scalar, tolerance: Scalar, pulse: Pulse) -> tuple[Scalar, Scalar]:
-    """Whether it is high at the end, and the fraction of the step in which it is.
+    """Whether the pulse is high at the end of the step, and the fraction of the step in which it is.
 
-    Phases count from the start of the period in which the step ends, so that their difference is exact to rounding of
-    the step, not of the time.  The mean follows from the phase that is high, I(p) = floor(p) D + min(p - floor(p), D).
+    Phases are counted from the start of the period in which the step ends, so the rounding of their difference is that
+    of the step, not of the time. The mean follows from the phase that is high, I(p) = floor(p) D + min(p - floor(p),
+    D).
     """
     D, tol = pulse.duty, tolerance / pulse.period
     p = (time - pulse.delay) / pulse.period

@@ -1,4 +1,4 @@
-"""What a component becomes in C: which outputs, which numbers, and the functions and records that these need."""
+"""What a component becomes in C: its outputs and numbers, and the functions and records that these need."""
 
 from __future__ import annotations
 

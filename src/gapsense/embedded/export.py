@@ -127,7 +127,7 @@ def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: 
 
 
 def keep_foreign(texts: Mapping[Path, str]) -> None:
-    """Refuse to write over files that no export has made, or that were to be changed and have been."""
+    """Refuse to overwrite files that no export has made, or that were made to be changed and have been changed."""
     there = {path: path.read_text(encoding="utf-8", errors="replace") for path in texts if path.is_file()}
     foreign = [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]
     if foreign:
@@ -190,7 +190,7 @@ def _kept(design: Design) -> Iterator[str]:
 
 
 def check_memory(designs: Sequence[Design], ram: int, in_loop: bool = False) -> None:
-    """Refuse what a part with so many bytes of RAM has no room for, and say what to change."""
+    """Refuse a part with so many bytes of RAM if the components do not fit, and say what to change."""
     sizes, others = {design.name: memory(design) for design in designs}, STACK + LOOP * in_loop
     over = sum(sizes.values()) + others - ram
     known = [each for design in designs for each in _sized(design)]

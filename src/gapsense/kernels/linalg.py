@@ -56,9 +56,9 @@ def outer(a: Any, b: Any) -> Any:
 
 
 def swept(A: Any) -> Any:
-    """A symmetric positive definite matrix with its first row and column swept, as the last ones.
+    """A symmetric positive definite matrix with its first row and column swept, and moved to the end.
 
-    After as many turns as it has rows it is minus its inverse, with the rows in their old order.
+    After as many turns as it has rows, the result is minus its inverse, with the rows in their old order.
     """
     p, row = pivot(A[0, 0]), A[0, 1:]
     rest = A[1:, 1:] - outer(row, row / p)

@@ -158,7 +158,7 @@ class Feeder:
                 yield self.landed.get_nowait()
 
     def entries(self, future: Any, numbers: list[int]) -> list[Entry]:
-        """What a task has answered; of one that has ended its workers, its runs are tried one by one."""
+        """Answers of a task. If a task has killed its workers, its runs are tried one by one."""
         try:
             entries: list[Entry] = future.result(timeout=PATIENCE)
         except KilledWorker as error:

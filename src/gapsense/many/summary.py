@@ -77,7 +77,7 @@ def leading(campaign: Campaign) -> dict[str, Leading]:
 
 
 def correlations(campaign: Campaign) -> dict[str, list[Leading]]:
-    """For each metric all parameters that are numbers, first that which it goes with most."""
+    """Correlations of each metric with all parameters that are numbers, the largest first."""
     factors, metrics = numeric(campaign), campaign.metrics
     if not factors or campaign.rows < 3:
         return {}

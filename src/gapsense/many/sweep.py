@@ -214,7 +214,7 @@ def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure
 
 
 def unusable(store: Store, many: Many) -> Iterator[int]:
-    """Runs that are done again: those that failed, and those whose kept signals are gone or damaged, which is told."""
+    """Runs that have to be done again: they failed, or their signals are gone or damaged, which is told."""
     yield from store.runs(ERRORS, len(many.plan)).tolist()
     if many.folder is None:
         return

@@ -182,7 +182,7 @@ def legend(axis: Any) -> None:
 
 
 def legend_below(figure: Figure) -> None:
-    """One legend for all panels, below them: that of the first one that has labels."""
+    """One legend for all panels, below them; its labels are those of the first panel that has any."""
     handles, labels = next(filter(any, (axis.get_legend_handles_labels() for axis in figure.axes)))
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
@@ -198,7 +198,7 @@ def recorded(result: Recorded, names: Iterable[str]) -> None:
 
 
 def signals(result: Recorded, patterns: Sequence[str]) -> Figure:
-    """The recorded signals that match one of the patterns, by default all, one panel per unit."""
+    """The recorded signals that match one of the patterns, by default all, in one panel per unit."""
     missing = [pattern for pattern in patterns if not matching([pattern], result.signals)]
     if missing:
         raise InputError([f"`{pattern}` was not recorded. {suggest(pattern, result.signals)}" for pattern in missing])

@@ -312,7 +312,7 @@ class Link:
                 self.came = frame + self.line.read(until - monotonic())
 
     def whole(self, what: int, component: int, begin: int = 0, count: int | None = None) -> bytes:
-        """All that the board has from an offset on, in as many requests as it takes; `count` bytes, or to its end."""
+        """Everything that the board has from an offset on, `count` bytes or all, in as many requests as that takes."""
         found = b""
         while count is None or len(found) < count:
             part = self.ask(what, component, struct.pack("<I", begin + len(found)))

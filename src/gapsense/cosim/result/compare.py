@@ -333,10 +333,10 @@ def are_same(times: Vector, other: Vector) -> bool:
 
 
 def apart(times: Vector, other: Vector, name: str, other_name: str) -> list[str]:
-    """Sentences on rows that only one of two grids has, or that it has twice.
+    """Sentences on rows that only one of two grids has, or has twice.
 
-    A grid of which the other has every n-th row is coarser, and nothing is missing in it. Two grids that have little
-    in common are only looked through for gaps. Rows beyond the end of the other grid are left to others.
+    A grid with every n-th row of the other one is coarser, and nothing is missing in it. Two grids that have little in
+    common are only searched for gaps. Rows beyond the end of the other grid are not the subject here.
     """
     near = slack(times, other)
     merged = np.sort(np.concatenate((times, other)))

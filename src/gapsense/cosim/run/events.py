@@ -285,7 +285,7 @@ class Director:
             tuned.nominal = tuned.last = parameters[name]
 
     def state(self) -> dict[str, Any]:
-        """All that it takes to go on, of JSON; values in the buffer are kept with that."""
+        """Everything that is needed to go on, as JSON; values in the buffer are saved with the buffer."""
         return {
             "actors": {name: actor.state() for name, actor in self.actors.items()},
             "stages": {name: stage.state() for name, stage in self.stages.items()},

@@ -1,6 +1,6 @@
-"""What a scenario says, as records, with what follows from them: points of a sweep, signals, execution order.
+"""A scenario as records, and what follows from them: points of a sweep, recorded signals, execution order.
 
-`read.py` reads them from a file, `check.py` holds them against the FMUs.
+`read.py` makes them from a file, `check.py` compares them with the FMUs.
 """
 
 from __future__ import annotations
@@ -491,8 +491,8 @@ class Scenario:
 def ports(descriptions: Descriptions) -> dict[Port, Variable]:
     """Every input and output that is a number, in the order of the buffer.
 
-    For each component these are its Real inputs, its Real outputs, its other outputs and its other inputs, so that
-    what one call moves lies side by side.
+    The order for each component is: Real inputs, Real outputs, other outputs, other inputs. So the numbers that one
+    call moves lie side by side.
     """
     return {
         Port(name, variable.name): variable

@@ -226,7 +226,7 @@ class Penalised(NamedTuple):
     weights: list[float]  # of each kind, that were used
 
     def apart(self, rows: Matrix, left: Vector, weight: float) -> Vector:
-        """What each datum is off what all others say."""
+        """How far each datum is from what all others predict."""
         used = ((weight * rows @ self.directions) ** 2 / (self.values + self.penalty)).sum(axis=1)
         return np.asarray((left - rows @ self.at(self.penalty)) / np.maximum(1.0 - used, TINY))
 

@@ -55,7 +55,7 @@ class Choosing(Printer):
         self.choices = outer
 
     def block(self, opening: str, region: Region, targets: list[str], values: list[Any]) -> None:
-        """Print a branch: its nodes, and the values that it gives, each after what only it needs."""
+        """Print a branch: its nodes, and the values that it gives, each after the nodes that only it needs."""
         self.write(opening)
         self.depth += 1
         self.region(region)

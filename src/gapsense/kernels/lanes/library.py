@@ -1,9 +1,9 @@
-"""C of functions over runs: each compiled for the processor of this machine once, and kept for all that call it.
+"""C of functions over runs: compiled once for the processor of this machine, and kept for everything that calls it.
 
-Nobody needs a compiler: without one, or where it fails, `loaded` says so once and gives None.
+No compiler is required: if there is none, or if it fails, `loaded` says so once and returns None.
 
-What is loaded runs as the user.  So the cache is a folder that nobody else can write, and the name of a file in it has
-a hash of its content: what was cut, changed or exchanged is compiled anew.
+What is loaded runs with the rights of the user. So the cache is a folder that nobody else can write, and the name of a
+file in it holds a hash of its content: a file that was cut, changed or exchanged is compiled again.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ class Array(Enum):
 
 
 class Plan:
-    """Calls that were recorded, the columns that they are to be given by name and size, and what to keep of them."""
+    """Recorded calls, the columns that they need by name and size, and what to keep of their results."""
 
     def __init__(self, record: Record, given: Mapping[str, int | Array], kept: Sequence[Value]) -> None:
         self.record, self.given, self.kept = record, given, kept

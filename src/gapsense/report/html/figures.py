@@ -185,7 +185,7 @@ def thinned(curve: Curve, rows: Any) -> Curve:
 
 
 def width(curve: Curve, place: int, count: int) -> float:
-    """Width of a line [pixels]: each is thinner than the one before, so that curves that coincide are all seen."""
+    """Width of a line [pixels]: each is thinner than the one before, so that curves that coincide are all visible."""
     return 4.5 if curve.is_truth else 1.1 + 1.1 * (count - 1 - place) / count
 
 
@@ -294,7 +294,7 @@ def draw_tube(
 
 
 def embedded(drawn: Sequence[Drawn]) -> dict[str, Any]:
-    """All figures as one document of Bokeh, which `page.js` draws, and the place of each of them by its model."""
+    """All figures as one Bokeh document, which `page.js` draws, and the place of each figure by its model."""
     if not drawn:
         return {}
     document, ids = Document(), dict[str, str]()
@@ -331,7 +331,7 @@ class Verdict(NamedTuple):
 
 
 class Chapter(NamedTuple):
-    """A result on the page: a template, what it asks for, and the figures that are in it."""
+    """A result on the page: a template, the values that it needs, and its figures."""
 
     key: str
     title: str
