@@ -60,7 +60,7 @@ class Found:
     notes: Sequence[str] = ()  # about the record, and what was left out
     files: Sequence[Path] = ()  # that were written
     drawn: Callable[[], Figure] | None = None
-    kept: Any = None  # a folder that lives as long as this
+    kept: Any = None  # a folder that is removed with this object
 
     def __str__(self) -> str:
         from gapsense.report.table import text

@@ -42,11 +42,11 @@ class Key(NamedTuple):
     default: Any = None
     required: bool = False
     choices: tuple[str, ...] = ()
-    otherwise: str = ""  # what holds without it, where no default tells
+    otherwise: str = ""  # what holds without it, if there is no default
     section: Section | None = None
     pattern: str = ""  # of free names
     is_dotted: bool = False  # free names with dots, which may be written as tables too
-    is_other: bool = False  # another way than that of its neighbours, so that examples leave it out
+    is_other: bool = False  # an alternative to its neighbours; examples leave it out
     is_path: Callable[[str, str], bool] | None = None  # of a name and its text: relative to the file it stands in
     unit: str = ""
 
@@ -126,7 +126,7 @@ BOUNDS = Kind(
     is_span,
     {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
 )
-TYPES = {  # by the names that tables of keys have for them
+TYPES = {  # by their names in tables of keys
     "number": NUMBER,
     "positive": POSITIVE,
     "not_negative": NOT_NEGATIVE,

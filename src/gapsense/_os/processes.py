@@ -308,7 +308,7 @@ def send(answers: TextIO, message: Any) -> None:
 
 
 _waiting: deque[Process] = deque()
-_again: list[Sequence[str]] = []  # modules of the next one, as long as each that is taken is to be followed by another
+_again: list[Sequence[str]] = []  # modules of the next process, while each one that is taken is to be replaced
 
 
 def process(guest: Callable[..., Any] | None = None, limit: float | None = None) -> Process:

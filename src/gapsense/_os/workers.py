@@ -138,7 +138,7 @@ class Local:
         for server, thread in zip(self.servers, self.threads):
             server.close()
             thread.join()
-            server.close()  # of one that the thread has started meanwhile
+            server.close()  # the thread may have started one meanwhile
 
 
 def feed(server: Server, pending: Pending, answers: Answers) -> None:

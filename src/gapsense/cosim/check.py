@@ -712,7 +712,7 @@ def limits(variable: Variable) -> str:
     return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"
 
 
-# Parameters of the FMUs that lie beside those of a scenario: what a parameter set may have for other components.
+# Parameters of the FMUs in the same folders: a parameter set may have values for other components.
 
 
 def parameters_beside(fmus: Iterable[Path]) -> frozenset[str]:
@@ -874,7 +874,7 @@ def first_row(component: Component, decimation: int) -> int | None:
 
 FEW = 10  # base steps of a run, and rows of a record
 ABOVE = 5.0  # steps of a component that are so many times its own are told
-WITHIN = {"s": 10.0, "Hz": 1.0}  # steps that a period has, and one of a frequency, which drives give as means
+WITHIN = {"s": 10.0, "Hz": 1.0}  # least steps in a period; fewer for a frequency, since drives give means
 PULSE = 0.25  # of the span of a signal: what rises so far between two steps is told
 ROUNDING = 1e-9
 ASKED = "Is `base_step` as it should be?"

@@ -299,7 +299,7 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
         return ""
     head = f"[variants.{variant}.baseline]" if variant else "[baseline]"
     text = path.read_text(encoding="utf-8").rstrip("\n")
-    name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # named, so that it is no other variant's
+    name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # so that no other variant uses it
     text = f'{text}\n\n{head}  # `gapsense test` fails without it\nfile = "{name}"\n'
     if parsed(text) is None:
         return f"{path}: add a table `{head}`, so that `gapsense test` fails if the baseline is lost."

@@ -89,7 +89,7 @@ HELPERS = {
     "within": ("An index inside an array; 0 in place of others.", WITHIN),
 }
 SAME = "Elementary functions, with the same bits on every machine; errors below 1 unit in the last place."
-FUNCTIONS = {  # what they take and change, and what is said of them
+FUNCTIONS = {  # arguments, what they change, and their comment
     "prepare": (("par", "constants"), ("constants",), "Call it once, and after every change of a parameter."),
     "initial": (("inputs", "par", "state", "outputs"), ("state", "outputs"), "The start, and the outputs there."),
     "step": (
@@ -98,7 +98,7 @@ FUNCTIONS = {  # what they take and change, and what is said of them
         "One step; the state is changed in place.",
     ),
 }
-STACK = 4096  # bytes of RAM that are left for it
+STACK = 4096  # bytes of RAM that are kept free for the stack
 LOOP = 6144  # bytes of RAM of the program of a board in the loop and its libraries, at most
 LINK, ANY_RAM = "cortex_m/link.ld", "LENGTH = 4M\n}"
 CORTEX_M = Path(__file__).with_name("cortex_m")

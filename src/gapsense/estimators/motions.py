@@ -21,7 +21,7 @@ from gapsense.kernels.layout import COUNT, Array, Count, Memory, Scalar, Whole, 
 from gapsense.kernels.trace import cond, floor, load, not_, store, where
 
 LENGTH = 1024  # samples of a motion that are kept, at most
-RING = 3 * LENGTH  # samples of all motions, each with the one that it lands with
+RING = 3 * LENGTH  # samples of all motions, each with the sample of its landing
 QUEUE = RING // 2  # motions that may wait: each takes a sample at least, and one at rest
 ENTRY = 3  # numbers of a motion that waits: place of its first sample kept, samples kept, time of the sample before
 

@@ -11,9 +11,7 @@ from pathlib import Path
 from gapsense.fmi.ports import Component, Port
 from gapsense.units import UNITS
 
-FILE = (
-    "typical.csv"  # a comment that says what run it is, a header of names and units, rows; not every component has it
-)
+FILE = "typical.csv"  # a comment that describes the run, a header with names and units, rows; optional
 PANELS, CURVES = 4, 3  # at most
 LEFT, PLOT, RIGHT, PANEL, GAP = 58, 352, 150, 96, 16  # of the picture, in its own units
 ROUNDING = 1e-9

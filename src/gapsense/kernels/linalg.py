@@ -16,7 +16,7 @@ import numpy as np
 
 from gapsense.kernels.trace import cond, is_traced, sqrt, where
 
-ROUNDING = 1e-13  # part of a variance below which what is left of it is but rounding
+ROUNDING = 1e-13  # share of a variance below which the rest is only rounding
 
 
 def vector(items: Sequence[Any]) -> Any:

@@ -242,7 +242,7 @@ def packed(many: Many) -> Pack:
     return Pack(replace(many, scenario=replace(scenario, path=scenario.path.resolve(), files=whole)), contents)
 
 
-# The side of a worker: what every one gets once, and the processes that it keeps for it.
+# The side of a worker: what each worker gets once, and the processes that it keeps.
 
 
 REST = 60.0  # seconds after which a process is ended that nobody asks

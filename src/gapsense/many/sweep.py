@@ -257,7 +257,7 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
     )
 
 
-# Its table as a CSV file, and a JSON file beside it that says of what it is and what failed.
+# The table as a CSV file, and a JSON side-car with what it is a table of and which runs failed.
 
 
 def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:

@@ -213,7 +213,7 @@ def overview(result: Recorded, chosen: Sequence[str] = ()) -> Figure:
     labels = [label([name.partition(".")[2] for name in names], result.units[names[0]]) for names in panels]
     figure, axes = stack(result.run.title, labels)
     for names, axis in zip(panels, axes):
-        for k, name in enumerate(names):  # thinner and thinner, so that curves that coincide are all seen
+        for k, name in enumerate(names):  # each thinner than the last, so that all show where they coincide
             width = 1.0 + 1.5 * (len(names) - 1 - k) / MOST
             line(axis, result.times, display(result.units[name])[1] * result[name], f"C{k}", name, linewidth=width)
         shade(axis, result)

@@ -32,7 +32,7 @@ BAUD = 115200
 LOOK = 0.2  # s between two looks at whether QEMU is still there
 EMULATED = ("-display", "none", "-monitor", "none", "-serial", "none", "-icount", "shift=5", "-semihosting")
 LONGEST = 1 << 17  # bytes of a message, and more than any has
-REMEDIES = {  # by kind, of a board that cannot be reached, and of one that does not answer as a board does
+REMEDIES = {  # by kind: if the board cannot be reached, and if the answer is not that of a board
     "qemu": (
         "Look at the machine and the firmware",
         "Build its firmware for this machine, as `make CPU=cortex-m3` does",
@@ -303,7 +303,7 @@ class Link:
                     self.troubles.append("answer damaged" if found is None else "request damaged")
                     return None
                 if found[1] == self.sequence:
-                    return found[0], found[2]  # all others are to requests that were repeated
+                    return found[0], found[2]  # other answers belong to requests that were repeated
             if monotonic() >= until or len(frame) > LONGEST:
                 self.came = b"" if len(frame) > LONGEST else self.came
                 self.troubles.append("no answer")

@@ -22,7 +22,7 @@ SHARE = 0.05  # of the range of a signal: an edge goes beyond it from one row to
 TYPICAL = 10.0  # median changes from row to row: noise and smooth curves stay below it
 EVEN = 0.1  # share of the rows of an even grid that may be farther apart
 SHOWN = 3  # stretches of rows in a message
-SLACK = 1e-6  # of the distance of rows: times that are apart by no more are one
+SLACK = 1e-6  # in the distance of rows: times no farther apart than this are equal
 BASELINE = "the baseline"
 
 
@@ -119,7 +119,7 @@ def step_of(name: str, run: Run) -> float:
     return run.base_step * int(component.get("step", 1))
 
 
-# How one signal differs from its reference, and what comparing all signals of a run has shown.
+# How a signal differs from its reference, and the comparison of all signals of a run.
 
 
 @dataclass(frozen=True)

@@ -151,8 +151,8 @@ class Sweep:
     def search(self, act: Act) -> None:
         """Take steps of the secants until the loop is solved.
 
-        If they do not get there, the slopes are found anew by differences, at the best point so far. From then on a
-        step that makes the residual larger is halved. A step in which a component fails is always halved.
+        Where these do not find it, they are made anew by differences, at the best point so far, and from then on a step
+        that makes the residual larger is halved, as always one of which a component fails.
         """
         secants, since, is_careful, n = Secants(self.inverse), 0, False, len(self.unknowns)
         x = [self.buffer[place] for place in self.unknowns]

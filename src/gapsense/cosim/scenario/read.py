@@ -74,7 +74,7 @@ from gapsense.tables import (
 
 CAMPAIGN_FILE = "campaign.sqlite"
 SCENARIO, STUDY, RESULT, RECORD, REPORTED, CAMPAIGN = "scenario", "study", "result", "record", "reported", "campaign"
-TAKEN = {  # kinds that are right, by what is expected
+TAKEN = {  # kinds that are accepted, by what is expected
     SCENARIO: ("scenario",),
     STUDY: ("study",),
     RESULT: ("result", "table"),

@@ -67,7 +67,7 @@ class Component:
     offset: int = 0
     edge: str = ""  # output that says where in its step a loop should end it [s]
     values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
-    origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
+    origin: Mapping[str, str] = field(default_factory=dict)  # the file or table where each value comes from
     sets: Mapping[Path, Mapping[str, Value]] = field(default_factory=dict)  # its parameter sets, see `taken`
     isolation: str = "none"  # or the instance is in a process of its own
     board: str = ""  # on which it runs, as `cosim/fmu/line.py` reads it; the FMU goes along
@@ -447,7 +447,7 @@ class Scenario:
     called: str  # its folder, or what a scenario without a file is called
     title: str
     description: str
-    figure: str  # name of the one that shows a run
+    figure: str  # name of the figure that shows a run
     variant: str | None
     experiment: Experiment
     components: Mapping[str, Component]

@@ -138,7 +138,7 @@ def _is_steep(x: Vector, first: int) -> bool:
     return change > STEEP * float(np.ptp(x)) and change > 2.0 * resolution(x)
 
 
-SPIKE = 0.2  # of the largest current: all others are smaller, if it is one sample's only
+SPIKE = 0.2  # if all other currents are below this share of the largest one, it is a spike
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
 
 

@@ -34,7 +34,7 @@ HERE = Path(__file__).resolve().parent
 FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", "-w")
 FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compiler knows
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
-PREFIX = "lanes-"  # of all that is ours in the cache
+PREFIX = "lanes-"  # of all our files in the cache
 ENDING = ".dll" if sys.platform == "win32" else ".so"
 COMPILERS_AT_ONCE = 2
 TELLING = threading.Lock()

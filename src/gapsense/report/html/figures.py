@@ -19,9 +19,9 @@ from gapsense.report.html.subject import Event, Shown
 from gapsense.report.table import prefixed
 
 bk: Any = bokeh.models  # whose annotations lack much of it
-LEFT = 64  # pixels for the numbers of the upright axis, so that all panels have one width
+LEFT = 64  # pixels for the numbers of the y-axis, so that all panels have the same width
 EVENT = "#8f6a00"
-HEIGHT, LOW, ROW = 208, 168, 34  # of panels, of those of errors, and of one strip [pixels]
+HEIGHT, LOW, ROW = 208, 168, 34  # heights of a panel, of a panel of errors, of a strip [pixels]
 TUBE = ("baseline, with its tolerance", "this run", "outside of the tolerance")
 GAP = 6  # steps without a value
 WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
@@ -309,7 +309,7 @@ def numbered(node: Any, ids: dict[str, str]) -> Any:
     """A document with its models numbered from 1, so that the same result gives the same file."""
     if isinstance(node, list):
         return [numbered(one, ids) for one in node]
-    if isinstance(node, dict):  # of a model or a reference to one: data of ours has no such keys
+    if isinstance(node, dict):  # a model, or a reference to one; our own data has no such keys
         return {k: ids.setdefault(v, f"m{len(ids) + 1}") if k == "id" else numbered(v, ids) for k, v in node.items()}
     return node
 
