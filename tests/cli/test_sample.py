@@ -51,17 +51,8 @@ def test_sample_gives_the_valve_and_its_position(gapsense, quickest):
     assert not assumed
     for name in FITTED:
         assert found[name] == pytest.approx(getattr(MAKER["VALVE"], BY_NAME[name].field), rel=0.01), name
-    options = (
-        "--parameters",
-        "mine.toml",
-        "--estimator",
-        "bounded_ukf,mhe",
-        "--fmus",
-        quickest,
-        "--out",
-        "estimates.csv",
-    )
-    assert gapsense("estimate", "sample_valve.csv", *options).exit_code == 0
+    options = ("--parameters", "mine.toml", "--estimator", "bounded_ukf,mhe", "--out", "estimates.csv")
+    assert gapsense("estimate", "sample_valve.csv", *options, "--fmus", quickest).exit_code == 0
     estimates, true = read_columns(Path("estimates.csv")), MAKER["simulated"](MAKER["RECORDS"]["sample_valve"])[1]
     errors = {name: np.sqrt(np.mean((estimates[f"{name}.position"] - true) ** 2)) for name in ("BoundedUkf", "Mhe")}
     assert errors["BoundedUkf"] < 3e-6 and errors["Mhe"] < 30e-6, errors
