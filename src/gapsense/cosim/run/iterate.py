@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from math import fsum, isfinite
 
 from gapsense.cosim.run.part import Part
@@ -23,7 +24,8 @@ PARALLEL = 1e-12  # of its square: what is left of a difference that says nothin
 CHANGE = 1e-6  # of an unknown, for the Jacobian by differences
 PATIENCE = 6  # evaluations beyond 2 n after which secants are given up
 ROUNDING = 1e-19  # of a value: with a larger one nothing can be told of its residual
-HALVINGS = 12  # of a step that has failed
+HALVINGS, SHORTER = 12, 2  # of a step that has failed, and of one that has made the residual larger
+THIRD = 3  # of so many steps between two points one goes to their middle
 LOOP = "loop"  # what the state is held for
 
 
@@ -151,24 +153,31 @@ class Sweep:
     def search(self, act: Act) -> None:
         """Take steps of the secants until the loop is solved.
 
-        Where these do not find it, they are made anew by differences, at the best point so far, and from then on a step
-        that makes the residual larger is halved, as always one of which a component fails.
+        Where these do not find it, they are made anew by differences: at the best point so far, from where a step that
+        makes the residual larger is halved; if that does not find it either, where the steps have led; and so in turn.
+        A single unknown then stays between two points of unlike residuals. A step of which a component fails is halved.
         """
-        secants, since, is_careful, n = Secants(self.inverse), 0, False, len(self.unknowns)
+        secants, since, tries, n = Secants(self.inverse), 0, 0, len(self.unknowns)
         x = [self.buffer[place] for place in self.unknowns]
         most = self.experiment.loop_tolerance
         self.limits = [most * max(1.0, abs(value / one)) for value, one in zip(x, self.nominals)]
         r = self.evaluate(x, act)
-        self.best = size(r), x, r
+        self.best, points = (size(r), x, r), [(x, r)]
         while not self.is_solved(x, r):
             if n and since > 2 * n + PATIENCE:
-                _, x, r = self.best
+                tries += 1
+                if tries % 2:
+                    _, x, r = self.best
                 self.differ(x, r, act)
-                secants, since, is_careful = Secants(self.inverse), 0, True
-            new, found = self.step(x, r, secants.towards(r), is_careful, act)
+                secants, since = Secants(self.inverse), 0
+            dx, ends = secants.towards(r), enclosed(points) if tries and n == 1 else []
+            if ends and (since % THIRD == THIRD - 1 or not ends[0] < x[0] + dx[0] * self.nominals[0] < ends[1]):
+                dx = [(0.5 * sum(ends) - x[0]) / self.nominals[0]]
+            new, found = self.step(x, r, dx, tries % 2 > 0 and not ends, act)
             secants.learn([(b - a) / one for a, b, one in zip(x, new, self.nominals)], added(found, r, -1.0))
             x, r, since = new, found, since + 1
             self.best = min(self.best, (size(r), x, r))
+            points.append((x, r))
 
     def step(self, x: Vector, r: Vector, dx: Vector, is_careful: bool, act: Act) -> tuple[Vector, Vector]:
         """The point after a step and its residual; the step is halved until no component fails."""
@@ -176,7 +185,7 @@ class Sweep:
             new = [v + one * d for v, d, one in zip(x, dx, self.nominals)]
             try:
                 found = self.evaluate(new, act)
-                if not left or not is_careful or size(found) <= size(r):
+                if not is_careful or size(found) <= size(r) or left <= HALVINGS - SHORTER:
                     break
             except FmuError:
                 if not left or any(part.instance.is_dead for part in self.parts):
@@ -218,6 +227,12 @@ class Sweep:
 def size(r: Vector) -> float:
     """Largest residual."""
     return max(map(abs, r), default=0.0)
+
+
+def enclosed(points: Sequence[tuple[Vector, Vector]]) -> Vector:
+    """Of one unknown, the neighbours of unlike sign of residual that are nearest to a solution; empty without any."""
+    pairs = [(max(size(r), size(q)), *x, *y) for (x, r), (y, q) in pairwise(sorted(points)) if r[0] * q[0] < 0.0]
+    return [*min(pairs)[1:]] if pairs else []
 
 
 def renew(part: Part, is_again: bool) -> None:
