@@ -249,6 +249,14 @@ def test_slow_component_of_a_loop_joins_when_its_turn_comes(write, coupled):
     assert {name: loop.steps for name, loop in result.run.loops.items()} == {"n0, n1": 5}
 
 
+def test_value_that_is_small_where_it_comes_from_and_large_where_it_goes_is_solved_for_both(write, coupled_2):
+    """n1.y is a billionth, of a nominal value of 1, and its connection makes a number about 1 of it."""
+    text = ring([-0.7, 1e-9], [0.0, 0.0], [2.0, 0.0]).replace('"n0.u" = "n1.y"\n', "")
+    text += '[[connections]]\nfrom = "n1.y"\nto = "n0.u"\nfactor = 1e9\nunit = "V"\n'
+    result = run(write(text), fmus=coupled_2)
+    assert np.abs(result["n0.u"] - 2.0 / 1.7).max() < 1e-8
+
+
 def test_delayed_connection_carries_the_value_of_the_step_before(write, coupled):
     gains, bends, biases = [0.5, -0.8, 0.7], [0.2, 0.1, 0.0], [1.0, 0.3, 0.0]
     text = ring(gains, bends, biases).replace('"n2.u" = "n1.y"\n', "")

@@ -108,7 +108,11 @@ class Sweep:
         self.others = [place for place in torn if place not in self.unknowns]
         inside = {part.component.name for part in parts}
         self.said = [said for part in parts for _, said in part.spoken if said.component in inside]
-        self.nominals = [self.variables[place].nominal for place in self.unknowns]
+        least = {place: self.variables[place].nominal for place in self.unknowns}
+        takers = {inlet: places.variables[port].nominal for port, inlet in places.inlets.items()}
+        for wire in (wire for part in parts for wire in part.wires if wire.source in least and wire.factor):
+            least[wire.source] = min(least[wire.source], takers[wire.target] / abs(wire.factor))
+        self.nominals = [*least.values()]
         self.inverse, self.is_settled = identity(len(self.unknowns), -1.0), True
         self.limits: Vector = []  # of residuals, wider where the last value was more than the nominal one
         self.best: tuple[float, Vector, Vector] = (0.0, [], [])  # the least residual, where it was, and all of it
@@ -206,7 +210,7 @@ class Sweep:
         """That the loop was not solved, with the residuals at the best point, the largest first."""
         off = sorted(zip(self.unknowns, *self.best[1:], self.nominals), key=lambda one: -abs(one[2]))
         said = [
-            f"`{self.ports[place]}` = {value:.6g} comes back as {value + own * one:.6g}{self.unit(place)}, off by "
+            f"`{self.ports[place]}` = {value:.9g} comes back as {value + own * one:.9g}{self.unit(place)}, off by "
             f"{abs(own):.3g} of its nominal value"
             for place, value, own, one in off
         ]
