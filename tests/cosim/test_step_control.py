@@ -119,7 +119,8 @@ def test_steps_that_a_component_fails_of_are_shorter(write, coupled_2):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("decimation = 64", "decimation = 1", "a step ends at every row, and each base step has one"),
+        ("decimation = 64", "decimation = 1", "have to fit between rows, and `decimation` in `[record]` is 1"),
+        ("shortest_step = 1\nlongest_step = 9", "shortest_step = 33", "= 33 have to fit between rows"),
         ("shortest_step = 1", "shortest_step = 10", "9 found, at least `shortest_step` = 10"),
         ("step_control = 0.001", "", "longest_step: it is for steps that are controlled"),
         ("step_control = 0.001", "step_control = 0.0", "experiment.step_control: "),
