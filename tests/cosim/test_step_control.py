@@ -5,7 +5,8 @@ import pytest
 from test_every_number import CONTROL, FEW
 from test_iterate import exact, masses, same
 
-from gapsense.cosim import Checkpoint, FmuError, check, read_result, run
+from gapsense import converge
+from gapsense.cosim import Checkpoint, FmuError, ScenarioError, check, read_result, run
 from gapsense.report import runs
 
 STIFF, STOP = 1e3, 0.5
@@ -83,6 +84,11 @@ def test_steps_are_saved_and_shown(write, coupled_2, tmp_path):
 def test_steps_keep_to_their_limits(write, coupled_2):
     result = run(write(controlled(1e-2, more="shortest_step = 4\nlongest_step = 8")), fmus=coupled_2)
     assert result.run.steps.shortest == 4 * 0.00025 and result.run.steps.longest == 8 * 0.00025
+
+
+def test_halving_the_base_step_tells_nothing_of_steps_that_are_controlled(write, coupled_2):
+    with pytest.raises(ScenarioError, match="Compare with a run in which it is smaller"):
+        converge(write(controlled(1e-2)), fmus=coupled_2)
 
 
 def test_event_by_a_condition_is_where_it_is_with_steps_that_are_all_short(write, coupled_2):
