@@ -334,6 +334,15 @@ def test_step_that_a_component_refuses_is_halved(write, coupled):
     assert np.abs(result["n0.y"] - 1.0 / 7.0).max() < 1e-7
 
 
+def test_component_that_fails_of_every_trial_tells_of_the_loop(write, coupled_2):
+    """`n0.y` = -1 solves it, and neither takes anything below 0."""
+    text = ring([1.0, 0.9], [0.0, 0.0], [0.0, -0.1], lazy=1).replace("lazy = 1 }", "lazy = 1, least = 0.0 }")
+    with pytest.raises(
+        FmuError, match=r"n0: .* It fails in a trial: the loop of `n0, n1` was not solved .* = 0 comes back as -0\.1 V"
+    ):
+        run(write(text), fmus=coupled_2)
+
+
 def test_scenario_of_another_method_refuses_nothing_new(write, chain, fmus):
     with pytest.raises(ScenarioError, match="algebraic loop"):
         run(write(chain.replace('from = "lag.y"', 'from = "gain.y"\nfactor = 1.0')), fmus=fmus)

@@ -146,12 +146,20 @@ class Sweep:
         return are_small and self.is_settled
 
     def solve(self, act: Act) -> str:
-        """Act until the residual is small, at last with what solves the loop; else a sentence that says what is not."""
-        self.count = 0
+        """Act until the residual is small, at last with what solves the loop; else a sentence that says what is not.
+
+        A component that fails of more than the values with which the step begins tells of the loop too.
+        """
+        self.count, self.best = 0, (0.0, [], [])
         try:
             self.search(act)
         except Spent:
             return self.unsolved()
+        except FmuError as error:
+            if not self.best[1]:
+                raise
+            cause = f"{error.cause} It fails in a trial: {self.unsolved()}"
+            raise FmuError(error.instance, cause, time=error.time, step=error.step, log=error.log) from error
         return ""
 
     def search(self, act: Act) -> None:
