@@ -418,6 +418,13 @@ def test_steps_that_make_the_residual_larger_lead_out_of_where_it_has_no_solutio
     assert np.abs(matrix @ x + 0.6 * np.sin(2.8 * x[::-1] + 1.0)).max() < 1e-9
 
 
+@pytest.mark.parametrize(("start", "solution"), [(0.0, 0.2763932), (0.27, 0.2763932), (0.73, 0.7236068)])
+def test_of_two_solutions_it_is_the_one_to_which_the_values_before_lead(start, solution):
+    equations = Equations(lambda x: 0.2 + x * x, [start])
+    equations.search(None)
+    assert equations.best[1][0] == pytest.approx(solution, abs=1e-7) and equations.count <= 12
+
+
 def test_far_away_is_no_solution():
     """Where a step has led very far, a residual that is small beside the value there counts as large all the same."""
     equations = Equations(lambda x: x - 1.0 - 1e3 / (1.0 + np.abs(x)), [0.5])

@@ -259,8 +259,8 @@ def renew(part: Part, is_again: bool) -> None:
 # changes when this mode ends, as in FMUs that compute nothing before, is repeated from saved states.
 
 
-def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Part], None]) -> int:
-    """Bring the parts of a loop to their start; evaluations."""
+def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Part], None]) -> None:
+    """Bring the parts of a loop to their start."""
     calls = {part: (part.taker(), part.reader()) for part in parts}
 
     def act(part: Part, is_again: bool, leaves: bool) -> None:
@@ -273,9 +273,7 @@ def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Pa
         if failed := failed or read():
             raise part.failure(failed, experiment.time(part.component.offset), 0)
 
-    sweep, evaluations = Sweep(parts, experiment), 0
+    sweep = Sweep(parts, experiment)
     for leaves in (False, True):
         if unsolved := sweep.solve(partial(act, leaves=leaves)):
             raise FmuError("run", unsolved, time=experiment.start, step=0)
-        evaluations += sweep.count
-    return evaluations
