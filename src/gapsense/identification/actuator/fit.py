@@ -62,9 +62,9 @@ DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10
     "spring_rest": 0.06,
     "damping": 0.075,
 }
-STOPS, REBOUND, KNEE = ("contact_stiffness", "contact_damping"), ("stop_restitution",), ("core_exponent",)
+STOPS, REBOUND, KNEE = ("contact_stiffness", "contact_damping"), ("stop_restitution",), ("core_power",)
 BOUNCES = {"stop_restitution": 0.9, "contact_stiffness": 0.9, "contact_damping": 1.0}  # the same, of stops
-MORE = {"core_bend": 1.5, "core_exponent": 0.3, "gap_fringing": 1.0, "gap_window": 1.0}  # and with another knee
+MORE = {"core_bend": 1.5, "core_power": 0.3, "gap_fringing": 1.0, "gap_window": 1.0}  # and with another knee
 FORMS = (REBOUND, KNEE, (*KNEE, *REBOUND), (*KNEE, *STOPS))  # of the model, one after the other
 PLACE_STEP = 1e-3  # of a difference quotient
 BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
@@ -92,7 +92,7 @@ class Problem(NamedTuple):
     @property
     def believed(self) -> dict[str, float]:
         """How wrong what is believed may be, by field."""
-        sharp = MORE if self.beyond.core_exponent else {}
+        sharp = MORE if self.beyond.core_power else {}
         return {name: {**DEVIATIONS, **BOUNCES, **sharp, **self.doubts}[name] for name in self.names}
 
     def places(self, x: Vector) -> list[Vector]:
@@ -330,11 +330,11 @@ def left_at(drive: Excitation, model: Trajectory) -> Vector:
 def with_more(p: Problem, form: Sequence[str]) -> Problem:
     """With stops from which the mover comes back, or another knee, of which the saturation is no part, and a leak."""
     par, names, beyond = p.known, [name for name in p.names if name not in form], USUAL
-    if "core_exponent" in form:
+    if "core_power" in form:
         names = [name for name in names if name not in ("core_saturation", "gap_window")]
         names += ["gap_window"] if is_fitted(par, "gap_window") else []
         par = par._replace(core_bend=par.core_bend * BENT ** (3.0 - SHARP) / (1.0 - BENT**2))
-        beyond = beyond._replace(core_exponent=SHARP)
+        beyond = beyond._replace(core_power=SHARP)
     if "stop_restitution" in form:
         par = par._replace(stop_restitution=par.stop_restitution or BACK)
     if "contact_stiffness" in form:
@@ -407,7 +407,7 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
     models = [simulate(found.known, *of_record, found.beyond) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
-    if "gap_window" in p.names and p.beyond.core_exponent and all(r.is_explained for r in residuals):
+    if "gap_window" in p.names and p.beyond.core_power and all(r.is_explained for r in residuals):
         moved = np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(p, x).T)[:n]
         covariance += moved @ moved.T
     return Commissioned(
@@ -432,12 +432,12 @@ def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
 
     Least squares of the static current over the flux linkages of the records.
     """
-    par, area, n = result.parameters, result.parameters.coil_turns**2, result.beyond.core_exponent
+    par, area, n = result.parameters, result.parameters.coil_turns**2, result.beyond.core_power
     if not n:
         return result, 0.0
     all_lam = np.abs(np.concatenate([model.flux_linkage for model in result.models]))
     lam = np.quantile(all_lam, np.linspace(0.0, 1.0, QUANTILES))
-    fields = ("core_reluctance", "core_bend", "core_exponent")
+    fields = ("core_reluctance", "core_bend", "core_power")
     known = np.array([par.core_reluctance, par.core_bend, n])
 
     def left(x: Vector, logs: Vector) -> Vector:
@@ -457,11 +457,11 @@ def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
     places = [result.names.index(name) for name in fields]
     T = np.eye(len(result.names))
     T[np.ix_(places, places)] = differences(values, np.zeros(3))
-    names = [{"core_exponent": "core_saturation"}.get(name, name) for name in result.names]
+    names = [{"core_power": "core_saturation"}.get(name, name) for name in result.names]
     core, bend, saturation = np.exp(at).tolist()
     found = result._replace(
         parameters=par._replace(core_reluctance=core, core_bend=bend, core_saturation=saturation),
-        beyond=result.beyond._replace(core_exponent=0.0),
+        beyond=result.beyond._replace(core_power=0.0),
         names=names,
         covariance=T @ result.covariance @ T.T,
     )
@@ -520,6 +520,7 @@ def usual(p: Problem) -> float:
 
 def with_bend(par: Parameters) -> Parameters:
     """The same device with the bend of the core as a parameter of its own."""
+    par = par._replace(core_exponent=0.0)
     d, area = device(par), par.coil_turns**2
     core = {"core_reluctance": d.core * area, "core_bend": d.knee * area / d.saturation}
     return par._replace(**core, core_saturation=d.saturation)

@@ -24,7 +24,7 @@ State = Point
 class Beyond(NamedTuple):
     """What the model of `Mhe` has not."""
 
-    core_exponent: Scalar = 0.0  # n of a knee b m^n; 0: that of `Mhe`
+    core_power: Scalar = 0.0  # n of a knee b m^n; 0: that of `Mhe`
     contact_stiffness: Scalar = 0.0  # k [N/m]; 0: hard stops
     contact_damping: Scalar = 0.0  # b [s/m]
 
@@ -121,7 +121,7 @@ def _turned_round(p: Point, free: Scalar, at: Point, m: Model, par: Parameters) 
 
 def _model(par: Parameters) -> Model:
     """The model without a rest that begins at a threshold, which no fit could take derivatives of."""
-    known = par.known
+    known = par.known._replace(core_exponent=0.0)
     return model(known, device(known))._replace(
-        quiet_voltage=0.0, quiet_current=0.0, bounces=False, exponent=par.beyond.core_exponent
+        quiet_voltage=0.0, quiet_current=0.0, bounces=False, exponent=par.beyond.core_power
     )

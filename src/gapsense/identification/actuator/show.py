@@ -50,7 +50,15 @@ LEARNT = {  # deviations before the first window of `Mhe`, by the fields that th
     "prior.mass": "mover_mass",
     "prior.rest": "spring_rest",
 }
-NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend", "stop_law", "stop_restitution")
+SHARP = ("core.exponent", "core.sharp_reluctance", "core.sharp_bend")
+NOT_NUMBERS = (
+    "gap_law",
+    "gap_file",
+    "gap_bend",
+    "stop_law",
+    "stop_restitution",
+    *(name.replace(".", "_") for name in SHARP),
+)
 MOVES = 0.01  # of the stroke
 LEAST = 3e-3  # of these: the device is another one tomorrow
 
@@ -95,15 +103,25 @@ def priors(result: Commissioned) -> dict[str, float]:
 
 
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
-    """What was given, with what was found; without a sampling period of the estimators that of the records."""
-    dt, (result, left) = result.drives[0].record.dt, with_usual_knee(result)
+    """What was given, with what was found; without a sampling period of the estimators that of the records.
+
+    With losses that are known, filters have the error of the current that they usually have.
+    """
+    dt, given = result.drives[0].record.dt, {n: value for n, value in given.items() if n != "process.current_error"}
+    sharp = sharp_knee(result) if result.beyond.core_power else {name: 0.0 for name in SHARP[:1] if name in given}
+    result, _ = with_usual_knee(result)
     models = [at_rest(m, result.parameters) if result.beyond.contact_stiffness else m for m in result.models]
     tuning = scaled([d.record for d in result.drives], models, result.residuals, result.parameters)
-    error = max(left, tuning.get("model.error", float(result.parameters.model_error)))
-    tuning |= {"model.error": left} if error == left else {}
     law = {"stop.law": "elastic"} if result.beyond.contact_stiffness else {}
     law |= {"stop.law": "hard"} if "stop_restitution" in result.names else {}
-    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **law, **found_values(result)}
+    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **law, **found_values(result), **sharp}
+
+
+def sharp_knee(result: Commissioned) -> dict[str, Value]:
+    """What `Mhe` takes in place of the knee that all estimators have; its saturation is theirs."""
+    par, n, usual = result.parameters, float(result.beyond.core_power), with_usual_knee(result)[0].parameters
+    bend = par.core_bend * (usual.core_saturation / par.core_saturation) ** (n - 1.0)
+    return dict(zip(SHARP, (n, float(par.core_reluctance), float(bend))))
 
 
 def at_rest(model: Trajectory, par: Parameters) -> Trajectory:
@@ -205,7 +223,7 @@ def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
 def remarks(result: Commissioned, before: Parameters) -> list[str]:
     """Sentences: how well the model explains the records, and what these do not tell."""
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
-    is_other = bool(result.beyond.core_exponent)
+    is_other = bool(result.beyond.core_power)
     if is_other or (set(result.names) & {*STOPS, *REBOUND}):
         said.append(asked(result))
     said += [
@@ -251,16 +269,16 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
 
 def asked(result: Commissioned) -> str:
     """What the records have asked for beside the usual numbers, and who has it."""
-    (_, left), n = with_usual_knee(result), result.beyond.core_exponent
+    (_, left), n = with_usual_knee(result), result.beyond.core_power
     told = {
         "gap_window": "a leak beside the gap (`gap.window`)",
-        "core_exponent": f"a knee b m^{n:.3g} of the core",
+        "core_power": f"a knee b m^{n:.3g} of the core",
         "contact_stiffness": "elastic stops, on which the mover bounces",
         "stop_restitution": "hard stops, from which it bounces",
     }
     parts = [text for name, text in told.items() if name in result.names and (n or name != "gap_window")]
     knee = (
-        f" Estimators have no such knee: the set has the nearest of theirs, which leaves {quantity(left, 'A')}."
+        f" `Mhe` has it, `core.exponent`. Others have the nearest of theirs, which leaves {quantity(left, 'A')}."
         if n
         else ""
     )
