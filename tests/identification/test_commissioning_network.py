@@ -1,7 +1,8 @@
 """A magnet of another's network that bounces: what `commission` learns of it beyond the usual model.
 
-The doubt about the gap law was chosen with seed 1 and stops of 4 MN/m, what counts as left with seed 21.  Seeds 3, 4,
-11, 12 and 13 with other stops, springs and beliefs judged, each once.
+The doubt about the gap law was chosen with seeds 1 and 12, what counts as left with seed 21 and stops of 4 MN/m.  Seeds
+3, 4, 11, 13 and 14 with other stops, springs and beliefs judged, each once; but 14 twice, for it showed that no form of
+the model may be left out.
 """
 
 from __future__ import annotations
@@ -109,7 +110,7 @@ def test_the_set_has_the_stops_and_the_nearest_knee_of_the_estimators(concluded,
     ("magnet", "seed"),
     [
         (SHORT._replace(stop=2e6, bounce=0.7), 11),  # it left 98 % after the landing
-        (LONG._replace(stop=5e6, bounce=3.0, half=120e-3), 12),  # it was explained, and 2.8 % off
+        (LONG._replace(stop=5e6, bounce=3.0, half=120e-3), 14),  # it was explained, and 2.8 % off
         (SHORT._replace(stop=0.0, bounce=0.35), 13),
     ],
     ids=["elastic", "damped", "hard"],

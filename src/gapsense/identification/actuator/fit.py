@@ -63,9 +63,9 @@ DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10
     "damping": 0.075,
 }
 STOPS, REBOUND, KNEE = ("contact_stiffness", "contact_damping"), ("stop_restitution",), ("core_power",)
-BOUNCES = {"stop_restitution": 0.9, "contact_stiffness": 0.9, "contact_damping": 1.0}  # the same, of stops
+BOUNCES = {"stop_restitution": 0.9, "contact_stiffness": 1.0, "contact_damping": 1.0}  # the same, of stops
 MORE = {"core_bend": 1.5, "core_power": 0.3, "gap_fringing": 1.0, "gap_window": 1.0}  # and with another knee
-FORMS = (REBOUND, KNEE, (*KNEE, *REBOUND), (*KNEE, *STOPS))  # of the model, one after the other
+FORMS = (REBOUND, KNEE, (*KNEE, *REBOUND), (*KNEE, *STOPS))  # of the model, the smallest first
 PLACE_STEP = 1e-3  # of a difference quotient
 BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
 KERNEL = Kernel(simulated)
@@ -223,7 +223,7 @@ ELECTRIC = {name for name in (*DEVIATIONS, *MORE) if name.startswith(("coil", "c
 BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones
 CHANCE = 2.0  # squares that a number explains without meaning (AIC)
 CLEAR = 4.0  # standard errors of a correlation
-LAW_ERROR, LAW_SHAPES = 5e-3, 3  # of a gap law by formula, relative; cosines along the stroke
+LAW_ERROR, LAW_SHAPES = 7.5e-3, 3  # of a gap law by formula, relative; cosines along the stroke
 LAW_ROWS, LAW_ENDS = 201, 0.2  # of a table of it, and how far it goes beyond the stops, in strokes
 QUANTILES = 200  # of flux linkages
 STIFF, SOFT, BACK = 0.15, 0.5, 0.3  # first guesses: angular frequency of the mover by the step, damping, restitution
@@ -293,9 +293,8 @@ def commission(
     found = search(every, progress)
     if not found.is_explained:
         found = min((found, *(search(every, progress, start=start) for start in STARTS)), key=lambda each: each.misfit)
-    for form in FORMS:
-        bounces = "stop_restitution" in found.names  # stops that give way may have more of it
-        if (leaves_more(found) or bounces) and not any(d.is_too_fast for d in drives):
+    if leaves_more(found) and not any(d.is_too_fast for d in drives):
+        for form in FORMS:
             richer = search(with_more(every, form), progress, in_pieces=True)
             found = richer if richer.is_explained and is_better(richer, found) else found
     return found
