@@ -29,7 +29,8 @@ ELEMENTS = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # limits of the elements, relative to th
 
 # ports of `ReluctanceActuator`
 KNOWN = same(reluctance_actuator.Parameters)
-INPUT, OUTPUT = same(reluctance_actuator.Inputs), same(reluctance_actuator.Outputs)
+OUTPUT = same(reluctance_actuator.Outputs)
+Inputs = reluctance_actuator.Inputs
 
 
 @ports()
@@ -76,15 +77,6 @@ class State(NamedTuple):
     at: Continuous
     elements: Annotated[Array, Vector(3)]  # flux linkage by which each element is stretched [Wb]
     contact: Contact
-
-
-@ports()
-class Inputs(NamedTuple):
-    """Voltage, and the communication step that ends at `time`."""
-
-    time: Scalar  # [s]
-    dt: Scalar  # [s]
-    voltage: Scalar = INPUT
 
 
 @ports()

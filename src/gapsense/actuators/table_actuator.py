@@ -25,7 +25,8 @@ from gapsense.kernels.trace import clip, loop, where
 
 # ports of `ReluctanceActuator`
 KNOWN = same(reluctance_actuator.Parameters)
-INPUT, OUTPUT = same(reluctance_actuator.Inputs), same(reluctance_actuator.Outputs)
+OUTPUT = same(reluctance_actuator.Outputs)
+Inputs = reluctance_actuator.Inputs
 
 
 class SpringLaw(Choice):
@@ -113,15 +114,6 @@ class State(NamedTuple):
     eddy_energy: Scalar  # lost to eddy currents since the start [J]
     wall_work: Scalar  # done on the walls since the start, lost or stored [J]
     supplied_energy: Scalar  # integral of u i since the start [J]
-
-
-@ports()
-class Inputs(NamedTuple):
-    """Voltage, and the communication step that ends at `time`."""
-
-    time: Scalar  # [s]
-    dt: Scalar  # [s]
-    voltage: Scalar = INPUT
 
 
 @ports()

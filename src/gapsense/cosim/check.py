@@ -446,10 +446,12 @@ class Checker:
             )
 
     def control(self) -> Iterator[str]:
-        """Steps can be controlled: every component can go back, none needs every base step, and rows are apart."""
-        components, where = self.scenario.components, "experiment.step_control"
-        if self.scenario.experiment.step_control is None:
+        """Steps can be controlled: every component can go back, and pairs of steps fit between instants and rows."""
+        components, experiment, where = self.scenario.components, self.scenario.experiment, "experiment.step_control"
+        if experiment.step_control is None:
             return
+        shortest = experiment.shortest_step
+        pair = f"two steps of `shortest_step` = {shortest} have to fit between"
         for name, description in self.descriptions.items():
             if components[name].board or not description.can_return:
                 what = "a board" if components[name].board else f"`{description.path.name}`"
@@ -457,16 +459,16 @@ class Checker:
                     f"components.{name}: {what} cannot save its state (canGetAndSetFMUstate), and `step_control` "
                     "repeats steps. Leave out `step_control`, or the component."
                 )
-            elif components[name].step == 1 and not is_free(components[name], description):
+            elif components[name].step < 2 * shortest and not is_free(components[name], description):
                 yield (
                     f"components.{name}: it keeps its instants, as it is sampled or cannot step otherwise "
-                    "(canHandleVariableCommunicationStepSize), and has one in every base step. Give it a longer "
-                    "`step`, or reduce `base_step`."
+                    f"(canHandleVariableCommunicationStepSize), and {pair} them: `step` is {components[name].step}. "
+                    "Give it a longer one, or reduce `base_step`."
                 )
         if not any(is_free(components[name], description) for name, description in self.descriptions.items()):
             yield f"{where}: no component takes steps of any length. Leave it out."
-        if self.scenario.record.decimation == 1:
-            yield f"{where}: a step ends at every row, and each base step has one. Raise `decimation` in `[record]`."
+        if (rows := self.scenario.record.decimation) < 2 * shortest:
+            yield f"{where}: {pair} rows, and `decimation` in `[record]` is {rows}. Raise that."
 
 
 # Signals that inputs follow against the variables of these inputs and the time of the run.

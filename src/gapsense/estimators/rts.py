@@ -84,10 +84,6 @@ def smooth_record(
         Those of the component `Ekf`; `option_force_error` and `option_current_error` 0 for the paper's ablations.
     debounce : float
         A mover that is back on its stop within this time has bounced [s]; 0 as in the paper.
-
-    Returns
-    -------
-    Posterior
     """
     inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
     rows = [(*given, 0.0) for given in zip(*inputs)]

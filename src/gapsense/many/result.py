@@ -233,10 +233,6 @@ def read_campaign(folder: str | Path, hold: bool = False) -> Campaign:
     hold : bool
         Read all later columns as they are now, whatever a campaign that is at work adds meanwhile.
 
-    Returns
-    -------
-    Campaign
-
     Raises
     ------
     InputError

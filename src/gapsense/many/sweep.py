@@ -128,10 +128,6 @@ def sweep(
     engine : str
         `"fmu"`: the FMUs; `"native"`: those in `build/native`; `"vectors"`: our own components without FMUs, many runs
         at once, with the same bits; `"auto"`: vectors where a C compiler is and all FMUs are ours, else the FMUs.
-
-    Returns
-    -------
-    Sweep
     """
     refuse_unknown(engine)
     file_of = None if isinstance(scenario, Document) else scenario_file(scenario)

@@ -333,10 +333,6 @@ def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
     sizes : mapping of str to int, optional
         Values of structural parameters, on which the sizes of arrays depend, other than their start values.
 
-    Returns
-    -------
-    Description
-
     Raises
     ------
     UnusableError
