@@ -47,7 +47,7 @@ Vector = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 RUNS, LEAST_RUNS, MOST_RUNS = 6, 4, 16  # an order that is told takes two ratios of changes, and so four runs
 TOLERANCE = 1e-3  # of the range of a signal
-SETTLED = 0.1  # of the tolerance: what changes less has stopped
+SETTLED = 0.1  # in the tolerance: a smaller change is none
 NOISE, DISCRETE, QUANTISED, RESTLESS = "noise", "discrete", "quantised", "its changes show no order"
 
 

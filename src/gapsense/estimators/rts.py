@@ -141,9 +141,9 @@ def _landing(
     told: kinks.Told,
     par: Parameters,
 ) -> tuple[int, tuple[float, ...], bool, kinks.Told]:
-    """Sample of the landing, at an impact that the contact has missed or at `end`, and its estimate.
+    """Sample of the landing, and its estimate; it is at `end`, or at an impact that the contact has missed.
 
-    Also whether the current has told it, and what is told of the next one.
+    Also whether the current has shown it, and what that says about the next one.
     """
     kink, stop = tuple(flat(kinks.nothing())), limit(states[end][names(ekf.State).index("mode")])
     for k in range(first + 1, end + 1):

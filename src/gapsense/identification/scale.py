@@ -18,7 +18,7 @@ from gapsense.identification.valve.model import JUMP, Trajectory
 LARGEST = 5e-3  # of the largest current: a model's error that is no more than believed
 SLOW = 2.0  # times `window.tail`, that a motion may last with it
 ROOM = 2.0  # times what an operation needs, that the longest window is
-MOST = 1998  # samples of a window, of the 2000 that `Mhe` has
+MOST = 1998  # samples of a window; `Mhe` has 2000
 FINEST = 0.075  # of `window.tail`, that a sample may last
 DIGITS = 4
 

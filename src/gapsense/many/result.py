@@ -95,7 +95,7 @@ class Campaign:
         return found
 
     def read(self) -> Iterator[Vector]:
-        """The same from the store; an InputError if it has other runs by now."""
+        """The campaign read from its store again; an InputError if the store has other runs by now."""
         count = 0
         for contents in self.store.contents():
             count += len(contents)

@@ -32,7 +32,7 @@ from gapsense.fmi.values import KINDS, ValuesError, fields
 from gapsense.tables import Value
 
 NUMERIC = ("Real", "Integer", "Enumeration")
-TYPES: Mapping[str, str] = {  # of FMI 3.0, by those of FMI 2.0
+TYPES: Mapping[str, str] = {  # types of FMI 3.0 by those of FMI 2.0
     "Float64": "Real",
     "Float32": "Real",
     **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
