@@ -36,6 +36,7 @@ class Condition(NamedTuple):
     clamp: float = 0.0  # the same, in the recorded voltage [V]
     duty: float = 1.0  # of PWM as fast as the samples, of which the voltage shows nothing
     peak: float = 0.0  # how long it has not begun [s]
+    slew: float = 0.0  # how long the driver takes for an edge [s]
     only_command: bool = False  # recorded in place of the voltage
     offset: float = 0.0  # of the current [A]
     gain: float = 1.0  # of the current
@@ -95,6 +96,9 @@ def record(c: Condition, volts: float, count: int, rng: np.random.Generator) -> 
     t = (np.arange(FINE * samples) + 1) * fine - (c.rest - 1 + c.edge) * c.dt
     middle = t - 0.5 * fine
     command = np.where((middle > 0.0) & (middle % c.period < c.on), volts, 0.0)
+    if c.slew:
+        steps = round(c.slew / fine)
+        command = lfilter(np.full(steps, 1.0 / steps), [1.0], command)
     voltage, current = driven(c, middle, command)
     seen = command if c.only_command else voltage
     late = c.skew / fine

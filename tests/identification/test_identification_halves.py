@@ -12,6 +12,8 @@ from gapsense.identification.measurements.operations import mean_resistance
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import Columns, ends, halves, to_record
 from gapsense.identification.options import CONVENTIONS
+from gapsense.identification.valve.model import simulate
+from gapsense.studies.devices import VALVE
 
 CLAMPED = Path(__file__).parent / "records" / "synthetic-flyback-clamp.csv"
 DT, FINE, R, L = 50e-6, 50, 10.0, 50e-3
@@ -56,3 +58,28 @@ def test_record_with_a_clamp_is_that_of_its_coil():
     assert coil.parameters.resistance == pytest.approx(10.0, rel=4.0 * coil.errors["resistance"])
     explicit = -R * DT / np.log(1.0 - R * DT / L)  # the record was made by Euler's method
     assert coil.inductance == pytest.approx(explicit, rel=4.0 * coil.inductance_error)
+
+
+def test_means_over_intervals_tell_where_the_voltage_jumps():
+    """Also of PWM with pauses of two intervals, and from a high level to a low one of all three."""
+    count, parts = 300, 10
+    t = (np.arange(count * parts) + 0.5) / parts
+    volts = np.where(
+        t < 20.3,
+        0.0,
+        np.where(t < 60.7, 60.0, np.where(t < 160.2, 24.0 * ((t - 60.7) % 8.0 < 5.45), -40.0 * (t < 170.0))),
+    )
+    fine = simulate(VALVE, np.stack((volts, volts), axis=1), DT / parts, np.full(volts.size, 76.0)).current
+    means = volts.reshape(count, parts).mean(axis=1)
+    found = [
+        simulate(VALVE, x, DT, np.full(count, 76.0)).current
+        for x in (np.stack((means, means), axis=1), to_record(columns_of_means(means)).halves)
+    ]
+    flat, sharp = (np.abs(current - fine[parts - 1 :: parts]).max() for current in found)
+    assert sharp < 3e-4 < 2e-3 < flat
+
+
+def columns_of_means(means):
+    """As they are read, with a current that tells nothing."""
+    values = {"time": np.arange(means.size) * DT, "voltage": means, "current": np.zeros(means.size)}
+    return Columns("m.csv", np.arange(means.size), values, is_mean=True)

@@ -10,7 +10,7 @@ from imperfect_records import Condition
 from imperfect_records import record as imperfect
 from valve_records import write
 
-from gapsense.identification.inspection.facts import facts, fall, levels
+from gapsense.identification.inspection.facts import WHITE, facts, fall, levels, signal
 from gapsense.identification.inspection.show import checklist, curve, of_resistances, remarks
 from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.reading import read_record
@@ -233,3 +233,9 @@ def test_coil_that_is_held_to_the_end_says_so():
     assert found.pulses[0].closing and not found.begun
     items = {item.what: item for item in checklist(found, 0)}
     assert "held to the end" in items["motion, opening"].why and items["`identify`"].answer == "yes"
+
+
+def test_neighbours_in_a_short_rest_may_correlate_by_chance():
+    signals = [np.random.default_rng(seed).standard_normal(30) for seed in range(50)]
+    assert not [x for x in signals if signal(x, 30).correlation > WHITE]
+    assert signal(np.convolve(signals[0], np.ones(5)), 34).correlation > WHITE

@@ -8,7 +8,8 @@ from imperfect_records import FINE, Condition, lowpass, record
 from random_records import off
 from valve_records import GUESS
 
-from gapsense.identification.measurements.low_pass import Edge, Filtered, LowPass, find_low_pass, weights
+from gapsense.identification.measurements.low_pass import Edge, Filtered, LowPass, Ramp, find_low_pass, weights
+from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.options import CONVENTIONS
 from gapsense.identification.valve.fit import fit_valve
 from gapsense.identification.valve.form import Sought
@@ -46,6 +47,20 @@ def test_sharp_edges_and_fast_ones_tell_no_filter():
     assert find_low_pass(np.zeros(100)) is None
     coarse = np.round(voltage(0.0, 1) / 0.12) * 0.12  # 8 bits
     assert find_low_pass(coarse) is None
+
+
+@pytest.mark.parametrize("length", [1.2, 5.0])
+def test_slow_edges_of_a_driver_are_no_filter(length):
+    """The current follows them; before, its model was filtered, too."""
+    t = np.arange(600.0)
+    v = 30.0 * np.sum([(-1) ** k * np.clip((t - at) / length, 0.0, 1.0) for k, at in enumerate(EDGES)], axis=0)
+    v += NOISE * np.random.default_rng(1).standard_normal(v.size)
+    found = find_low_pass(v)
+    assert found and found.low_pass == (pytest.approx(0.5 * length, rel=0.02), 0.0) and isinstance(found.low_pass, Ramp)
+    values = {"time": DT * t, "voltage": v, "current": np.zeros(t.size)}
+    read = to_record(Columns("slow.csv", np.arange(t.size), values), "filtered")
+    passed = 30.0 * np.sum([(-1) ** k * np.maximum(t[-1] - at - 0.5 * length, 0.0) for k, at in enumerate(EDGES)])
+    assert read.filtered is None and read.applied[1:].sum() == pytest.approx(passed, abs=1.0)
 
 
 def test_coil_that_rings_after_a_clamp_is_no_filter():

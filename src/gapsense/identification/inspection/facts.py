@@ -278,7 +278,7 @@ def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
 
 LEVEL = 0.08  # width of a level of the voltage, relative to its range
 SHARE = 0.02  # part of the samples that make a level
-WHITE = 0.3  # correlation of neighbours from which noise is not white
+WHITE, CHANCE = 0.3, 3.0  # correlation of neighbours from which noise is not white; its standard errors that chance has
 
 
 class Signal(NamedTuple):
@@ -288,7 +288,7 @@ class Signal(NamedTuple):
     largest: float
     noise: float
     step: float  # of the converter; 0 if it is too fine to be seen
-    correlation: float  # of the noise of neighbouring samples at rest; NaN without rest
+    correlation: float  # of the noise of neighbouring samples at rest, 0 if it may be chance; NaN without rest
     offset: Offset | None  # at rest; None without rest
 
 
@@ -372,12 +372,13 @@ def signal(x: Vector, rest: int) -> Signal:
     """A measured signal, of which the first samples are at rest."""
     step, quiet = resolution(x), x[:rest] - x[:rest].mean() if rest >= FEWEST_AT_REST else np.empty(0)
     power = float(quiet @ quiet)
+    together = float(quiet[1:] @ quiet[:-1]) / power if power > 0.0 else np.nan
     return Signal(
         smallest=float(x.min()),
         largest=float(x.max()),
         noise=max(noise(x), float(quiet.std()) if quiet.size else 0.0),
         step=step if np.isfinite(step) and step > 1e-5 * np.ptp(x) else 0.0,
-        correlation=float(quiet[1:] @ quiet[:-1]) / power if power > 0.0 else np.nan,
+        correlation=0.0 if abs(together) < CHANCE / np.sqrt(max(quiet.size, 1)) else together,
         offset=offset(x, rest) if rest >= FEWEST_AT_REST else None,
     )
 

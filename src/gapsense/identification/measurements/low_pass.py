@@ -7,7 +7,7 @@ current of the device becomes in the filter without its mean delay.  Times are i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +43,18 @@ class LowPass(NamedTuple):
         both = [complex(max(x.real, SHORTEST), x.imag) for x in (0.5 * self.a + root, 0.5 * self.a - root)]
         one, other = (tau**power * np.exp(-np.maximum(t, 0.0) / tau) for tau in both)
         return np.asarray(((one - other) / (both[0] - both[1])).real)
+
+
+class Ramp(LowPass):
+    """In place of a filter, a driver whose edges have a steady slope: the current follows them, and is not filtered."""
+
+    def step(self, t: Vector) -> Vector:
+        """Volts since an edge of 1 V began at 0 (n,)."""
+        return np.clip(0.5 * t / self.a, 0.0, 1.0)
+
+    def since(self, t: Vector) -> Vector:
+        """Volt-samples since then (n,)."""
+        return np.where(t < 2.0 * self.a, 0.25 * np.maximum(t, 0.0) ** 2 / self.a, t - self.a)
 
 
 @cache
@@ -105,6 +117,7 @@ SEEN = 0.02  # of the range: what shows in a sample
 CLAMPED = 0.1  # likewise: the least voltage of a clamp
 FEWEST, ENOUGH = 2, 8  # edges that tell a filter
 SIZES, STARTS = (0.05, 0.2, 0.6), (0.01, 0.4)  # a in parts of what an edge takes, and b / a^2
+LENGTHS = (0.25, 0.5)  # a of a ramp, likewise
 LOWEST, HIGHEST = -3.0, 4.0  # logarithm of a
 CLEAR = 40.0  # squares of the noise that a filter must explain
 EXACT, SMALL, MOST = 1e-6, 1e-6, 100  # least noise, of the range; fall of the cost that ends a search, and its steps
@@ -160,8 +173,19 @@ def low_pass_at(x: Vector) -> LowPass:
     return LowPass(float(np.exp(x[0])), float(x[1] * np.exp(2.0 * x[0])))
 
 
+def ramp_at(x: Vector) -> LowPass:
+    """That of log(a)."""
+    return Ramp(float(np.exp(x[0])))
+
+
 def find_low_pass(v: Vector) -> Filtered | None:
-    """The filter through which the edges of a voltage come; None if they are as sharp as its samples tell."""
+    """The filter through which the edges of a voltage come, or their slope; None if they are sharp."""
+    return _find(v.tobytes())
+
+
+@lru_cache(8)
+def _find(samples: bytes) -> Filtered | None:
+    v = np.frombuffer(samples)
     every, sigma = pieces(v), max(noise(v), hidden(v), EXACT * float(np.ptp(v)))
     told, rest = tell(every, v)
     sharp = np.concatenate([piece.sharp for piece in told]) / sigma if len(told) >= FEWEST else np.zeros(0)
@@ -171,20 +195,24 @@ def find_low_pass(v: Vector) -> Filtered | None:
 
     def least(left: Callable[[Vector], Vector], start: Sequence[float], around: Sequence[Piece], **more: Any) -> Any:
         low, high = [-1.0 - width] * len(around), [1.0] * len(around)  # places from the last sample before an edge on
-        if len(start) > len(around):
-            low, high = [LOWEST, 0.0, *low], [HIGHEST, RINGING, *high]
+        own = len(start) - len(around)  # numbers of the shape
+        low, high = [*(LOWEST, 0.0)[:own], *low], [*(HIGHEST, RINGING)[:own], *high]
         return scipy.optimize.least_squares(left, start, bounds=(low, high), ftol=SMALL, xtol=SMALL, **more)
 
-    def left(x: Vector) -> Vector:
-        return np.concatenate([p.fit(low_pass_at(x), p.begin + float(at))[0] for p, at in zip(told, x[2:])]) / sigma
+    def left(x: Vector, shape: Callable[[Vector], LowPass] = low_pass_at) -> Vector:
+        own = zip(told, x[x.size - len(told) :])
+        return np.concatenate([p.fit(shape(x), p.begin + float(at))[0] for p, at in own]) / sigma
 
     how, middle = {"x_scale": "jac", "method": "dogbox", "max_nfev": MOST}, [0.5] * len(told)
     found = [least(left, [np.log(a * width), q, *middle], told, **how) for a in SIZES for q in STARTS]
-    best = min(found, key=lambda each: float(each.cost))
+    best, shape = min(found, key=lambda each: float(each.cost)), low_pass_at
+    for a in LENGTHS:
+        ramp = least(partial(left, shape=ramp_at), [np.log(a * width), *middle], told, **how)
+        best, shape = (ramp, ramp_at) if ramp.cost < best.cost else (best, shape)
     variance = max(1.0, 2.0 * float(best.cost) / sharp.size)
     if sharp @ sharp - 2.0 * best.cost <= CLEAR * variance:
         return None
-    low_pass, places = low_pass_at(best.x), best.x[2:].tolist()
+    low_pass, places = shape(best.x), best.x[best.x.size - len(told) :].tolist()
     for p in rest:
 
         def alone(x: Vector, p: Piece = p) -> Vector:
@@ -193,7 +221,7 @@ def find_low_pass(v: Vector) -> Filtered | None:
         places += least(alone, [0.5], [p]).x.tolist()
     at = [(p, p.begin + place) for p, place in zip((*told, *rest), places)]
     made = [Edge(place, p.fit(low_pass, place)[1]) for p, place in at]
-    return Filtered(low_pass, made, others(best, variance))
+    return Filtered(low_pass, made, others(best, variance) if shape is low_pass_at else ())
 
 
 def others(best: Any, variance: float) -> list[LowPass]:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.identification.measurements.low_pass import Filtered, find_low_pass
+from gapsense.identification.measurements.low_pass import Filtered, Ramp, find_low_pass
 
 Vector = npt.NDArray[np.float64]
 
@@ -21,6 +21,7 @@ CLAMP = 0.1  # of the largest voltage, against the current, from which it is cla
 LINE = 4  # samples of a falling current through which a line is drawn, and of the rest after it
 STEPS = np.arange(1.0 - LINE, 1.0)
 CLEAR = 8.0  # times by which it falls in a sample more than noise or bend hide
+JUMP, FLAT = 0.1, 0.1  # least jump between two levels, of the range; by how much of it levels may change in a sample
 
 
 def halves(v: Vector, i: Vector, convention: str) -> Vector:
@@ -28,15 +29,31 @@ def halves(v: Vector, i: Vector, convention: str) -> Vector:
 
     Of a convention, `trapezoid` takes up to the middle the voltage of the first sample, then that of the second (an
     edge lies half-way on the average); `end` or `start`, that of the sample at the end or the start (held by the
-    drive); `filtered` is `trapezoid`, but for edges that come through a filter, see `between`.  Means over the
-    intervals are taken as they are, `end`.
+    drive); `filtered` is `trapezoid`, but for edges that come through a filter, see `between`.  Where `end` are means
+    over intervals, they tell where in an interval a jump is.
     """
     before = np.concatenate((v[:1], v[:-1]))
     found = np.stack((v if convention == "end" else before, before if convention == "start" else v), axis=1)
     for k, part in ends(v, i):
-        shares = np.clip([2.0 * part, 2.0 * part - 1.0], 0.0, 1.0)
-        found[k] = v[k] + (v[k - 1] - v[k]) * shares
-    return np.asarray(found)
+        found[k] = jump(v[k - 1], v[k], part)
+    return sharpened(found, v) if convention == "end" else np.asarray(found)
+
+
+def jump(before: float, after: float, part: float) -> Vector:
+    """Means over both halves of an interval, after this part of which the voltage jumps (2,) [V]."""
+    return np.asarray(after + (before - after) * np.clip([2.0 * part, 2.0 * part - 1.0], 0.0, 1.0))
+
+
+def sharpened(found: Vector, means: Vector) -> Vector:
+    """Halves (n, 2), with a jump in the intervals whose mean voltage lies between the levels before and after them."""
+    v, made = np.pad(means, 2, mode="edge"), np.array(found)
+    levels, size = (v[1:-3], v[3:-1]), v[3:-1] - v[1:-3]
+    part = (levels[1] - means) / np.where(size, size, 1.0)
+    on = np.maximum(np.sign(size) * (levels[0] - v[:-4]), np.sign(size) * (v[4:] - levels[1]))  # a slow edge goes on
+    is_one = (on < FLAT * np.abs(size)) & (np.abs(size) > JUMP * np.ptp(means)) & (part > 0.0) & (part < 1.0)
+    for k in np.flatnonzero(is_one).tolist():
+        made[k] = jump(levels[0][k], levels[1][k], part[k])
+    return made
 
 
 def ends(v: Vector, i: Vector) -> Iterator[tuple[int, float]]:
@@ -131,7 +148,7 @@ def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
         times=columns.values["time"],
         voltage=v,
         current=i,
-        halves=np.stack((v, v), axis=1),
+        halves=sharpened(np.stack((v, v), axis=1), v),
         position=columns.values.get("position"),
         mode=columns.values.get("mode"),
         rows=columns.rows,
@@ -147,7 +164,8 @@ def between(record: Record, convention: str) -> Record:
         return record
     v, is_filtered = record.voltage, convention == "filtered"
     found = (record.filtered or find_low_pass(v)) if is_filtered else None
-    return record._replace(halves=found.halves(v) if found else halves(v, record.current, convention), filtered=found)
+    filter_ = None if found and isinstance(found.low_pass, Ramp) else found
+    return record._replace(halves=found.halves(v) if found else halves(v, record.current, convention), filtered=filter_)
 
 
 def part(record: Record, at: slice) -> Record:

@@ -25,8 +25,10 @@ from gapsense.kernels.layout import flat
 from gapsense.problems import InputError
 from gapsense.report.table import quantity
 
-JUMP = 0.1  # within an interval, relative to the range of the voltage
+JUMP = 0.1  # of the voltage, relative to its range
+STEEP = 0.03  # the same, of its two halves, from which an interval takes two steps
 WITHIN = 0.01  # the same of an edge that lies within an interval
+SHORTEST = 0.02  # part of an interval that a step takes
 EXACT = 1e-3  # of the largest current: the model is no better, whatever the noise
 EARLY = {"end": -0.5, "start": 0.5}  # where an edge then lies, from the middle between two samples
 ALIKE = 0.1  # samples between the places of edges that are no more than a delay
@@ -136,7 +138,7 @@ def simulate(
 
     Its current is that behind a low-pass, without its mean delay, if there is one.
 
-    Where the voltage jumps within an interval, its halves are two steps: in saturation the flux follows so fast that
+    Where the voltage jumps within an interval, that is two steps: in saturation the flux follows so fast that
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
     if filtered:
@@ -144,20 +146,39 @@ def simulate(
         return Trajectory(behind(filtered, model.current), model.flux_linkage[1::2], model.position[1::2])
     kernel, voltages, resistances = kernel_of(par), halves.mean(axis=1).tolist(), resistance.tolist()
     step, look = kernel.scalar["step"], output_getter(kernel)
-    is_jump = jumps(halves)
+    is_jump, split = jumps(halves), split_jumps(halves)
     constants = flat(par)[1:]  # the resistance is the first
     state, outputs = kernel.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
     rows = [look(outputs)]
     for k in range(1, len(voltages)):
         constant = (resistances[k], *constants)
         if is_jump[k]:
-            for v in halves[k].tolist():
-                state, outputs = step(state, (k * dt, 0.5 * dt, v), constant)
+            for part, v in zip(split.parts[k].tolist(), split.voltages[k].tolist()):
+                state, outputs = step(state, (k * dt, part * dt, v), constant)
         else:
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
         rows.append(look(outputs))
     found = Trajectory(*np.array(rows).T)
     return found._replace(current=found.current + at_edges([par], halves, resistance)[0])
+
+
+class Split(NamedTuple):
+    """Two steps for each interval."""
+
+    parts: Vector  # of the interval (n, 2)
+    voltages: Vector  # during them (n, 2) [V]
+
+
+def split_jumps(halves: Vector) -> Split:
+    """Each interval split at its middle, or where a jump from the level before it to that after it must be."""
+    before, after = np.append(halves[0, 0], halves[:-1, 1]), np.append(halves[1:, 0], halves[-1, 1])
+    size, mean = after - before, halves.mean(axis=1)
+    is_one = np.minimum(np.abs(halves[:, 0] - before), np.abs(halves[:, 1] - after)) < JUMP * np.abs(size)
+    part = np.where(is_one, (after - mean) / np.where(size, size, 1.0), 0.5)
+    is_one &= (part > 0.0) & (part < 1.0)
+    part = np.where(is_one, np.clip(part, SHORTEST, 1.0 - SHORTEST), 0.5)
+    first = np.where(is_one, before, halves[:, 0])
+    return Split(np.stack((part, 1.0 - part), axis=1), np.stack((first, (mean - part * first) / (1.0 - part)), axis=1))
 
 
 def at_edges(pars: Sequence[Device], halves: Vector, resistance: Vector) -> list[Vector | float]:
@@ -169,7 +190,8 @@ def at_edges(pars: Sequence[Device], halves: Vector, resistance: Vector) -> list
     lossy = [par for par in pars if isinstance(par, lossy_valve.Parameters)]
     if not lossy:
         return [0.0] * len(pars)
-    late = np.append(halves[1:, 0], halves[-1, 1]) - np.where(jumps(halves), halves[:, 1], halves.mean(axis=1))
+    last = np.where(jumps(halves), split_jumps(halves).voltages[:, 1], halves.mean(axis=1))
+    late = np.append(halves[1:, 0], halves[-1, 1]) - last
     late[np.abs(halves[:, 1] - halves[:, 0]) < WITHIN * np.ptp(halves)] = 0.0
     return [late * par.core_eddy / (1.0 + par.coil_factor * resistance * par.core_eddy) for par in lossy]
 
@@ -187,7 +209,7 @@ def behind(filtered: Filtered, x: Vector) -> Vector:
 
 def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
     """Whether the voltage jumps within each interval."""
-    return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > JUMP * np.ptp(halves))
+    return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > STEEP * np.ptp(halves))
 
 
 def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
@@ -281,8 +303,9 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
     columns: dict[str, Any] = dict(zip(columns_of(kernel), zip(*map(flat, pars))))
     columns = {name: np.transpose(v) if isinstance(v[0], list) else [v] for name, v in columns.items()}
     columns[RESISTANCE] = experiment.resistance
-    columns |= {"mean": halves.mean(axis=1), "first": halves[:, 0], "second": halves[:, 1]}
-    columns |= {"at": [k * dt for k in range(count)], "steps": [dt, 0.5 * dt]}
+    early, late = zip(*(x.T for x in split_jumps(halves)))
+    columns |= {"mean": halves.mean(axis=1), "first": early[1], "second": late[1]}
+    columns |= {"at": [k * dt for k in range(count)], "early": dt * early[0], "late": dt * late[0], "whole": [dt]}
     made = recorded.run(len(pars), **columns).T
     currents = [run[:count] + more for run, more in zip(made, at_edges(pars, halves, experiment.resistance))]
     return [Response(i, run[count:] if with_position else None) for i, run in zip(currents, made)]
@@ -294,21 +317,21 @@ def plan_of(kernel: Kernel, jump: tuple[bool, ...], changes: tuple[bool, ...], w
     count, names = len(jump), kernel.module.Outputs._fields
     wanted = [names.index(name) for name in ("current", "position")[: 2 if with_position else 1]]
 
-    def found(at: Any, steps: Any, mean: Any, first: Any, second: Any, **par: Any) -> list[Any]:
+    def found(at: Any, whole: Any, early: Any, late: Any, mean: Any, first: Any, second: Any, **par: Any) -> list[Any]:
         over, resistance = over_runs(kernel), par.pop(RESISTANCE)
         others = [value[0] if isinstance(value, tuple) else value for value in par.values()]
         state, outputs = over.initial((0.0, 0.0, 0.0), (resistance[0], *others))
         constants, kept = over.constants((resistance[0], *others)), [outputs]
         for k in range(1, len(jump)):
             constants = over.constants((resistance[k], *others)) if changes[k] else constants
-            inputs = [(steps[1], first[k]), (steps[1], second[k])] if jump[k] else [(steps[0], mean[k])]
+            inputs = [(early[k], first[k]), (late[k], second[k])] if jump[k] else [(whole[0], mean[k])]
             for step, voltage in inputs:
                 state, outputs = over.advance(state, (at[k], step, voltage), constants)
             kept.append(outputs)
         return [outputs[k] for k in wanted for outputs in kept]
 
-    sizes: dict[str, int | Array] = {**columns_of(kernel), RESISTANCE: count, "at": count, "steps": 2}
-    return plan(found, **sizes, **dict.fromkeys(("mean", "first", "second"), count))
+    sizes: dict[str, int | Array] = {**columns_of(kernel), RESISTANCE: count, "whole": 1}
+    return plan(found, **sizes, **dict.fromkeys(("at", "early", "late", "mean", "first", "second"), count))
 
 
 UNKNOWN = float("nan")  # resistance, which these causes do not need
