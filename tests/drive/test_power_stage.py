@@ -12,7 +12,7 @@ from power_stage_dop853 import Stage
 from gapsense.actuators import reluctance_actuator
 from gapsense.cosim import check, run
 from gapsense.cosim.scenario.read import load, merged, read_document
-from gapsense.drive import power_stage
+from gapsense.drive import power_circuit, power_stage
 from gapsense.drive.power_circuit import Law, Topology
 from gapsense.fmi.components import load_component, own
 from gapsense.fmi.values import fields
@@ -220,6 +220,19 @@ def test_supply_sags_by_its_resistance():
     current = 30.0 / (48.0 + 10.0 + 0.2)
     assert out["current"][k] == pytest.approx(current, rel=2e-3)
     assert out["link_voltage"][k] == pytest.approx(30.0 - 10.0 * current, rel=2e-3)
+
+
+def test_steps_are_short_at_an_edge_and_grow_while_the_supply_settles(monkeypatch):
+    """15 ohm and 10 uH, 0.7 us: 123 micro-steps in each step of 20 us were taken, whatever happened."""
+    par = of("half_bridge", "gate", supply_resistance=15.0, link_capacitance=1e-4)
+    net, state = power_stage.net_of(par), power_stage.initial(power_stage.Inputs(0.0, 0.0), par)[0]
+    coil, at, counts = power_circuit.Coil(48.0, 1e-9, 20.0, 0.0), state.at, []
+    rates = power_circuit._rates
+    monkeypatch.setattr(power_circuit, "_rates", lambda *of: counts.append(0) or rates(*of))
+    for gate, most in ((1.0, 90), (1.0, 16), (0.0, 90), (0.0, 16)):
+        counts.clear()
+        at, _ = power_circuit.advanced(net, coil, power_circuit.Command(gate, 1.0, 0.0, 1.0), at, STEP, False)
+        assert len(counts) <= 4 * most
 
 
 def test_boost_capacitor_gives_gets_back_and_is_charged_again():
