@@ -277,7 +277,7 @@ CONNECTION = Section(
             "mean",
             TRUTH,
             "The output is a mean over the step: with `iterative` the input has it in the whole step, and is not "
-            "interpolated",
+            "interpolated; of a step that `edge` divides others get the mean of all pieces",
             "true",
             default=False,
         ),
