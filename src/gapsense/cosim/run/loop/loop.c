@@ -200,7 +200,7 @@ static void rise(Loop *l, const Part *p)
 }
 
 /* Tells the slopes, and has in the buffer again what the inputs end with. */
-static int tell(Loop *l, const Part *p)
+static int tell_slopes(Loop *l, const Part *p)
 {
     const Ramp *ramp = p->ramp;
     for (size_t i = 0; i < ramp->count; i++)
@@ -224,7 +224,7 @@ static int take(Loop *l, const Part *p)
         rise(l, p);
     if (p->inputs.count && is_bad(l, move(p, &p->inputs)))
         return AT_SET;
-    return p->ramp ? tell(l, p) : DONE;
+    return p->ramp ? tell_slopes(l, p) : DONE;
 }
 
 static int step(Loop *l, Part *p)
