@@ -2,6 +2,7 @@
 
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.optimize import root
 from gapsense.cosim import Checkpoint, FmuError, ScenarioError, check, read_result, run
 from gapsense.cosim.run import iterate
 from gapsense.cosim.run.iterate import Secants, Spent, Sweep, identity, inverted
+from gapsense.cosim.run.loop import compiled
 from gapsense.cosim.run.turns import line
 from gapsense.report import runs
 
@@ -217,6 +219,37 @@ def test_resumed_run_has_the_same_bits(write, coupled, tmp_path, kind):
     resumed = run(path, fmus=coupled, checkpoint=Checkpoint(file, every, resume=True))
     same(whole, resumed)
     assert whole.run.loops == resumed.run.loops
+
+
+EVENT = '[events.off]\ntarget = "n2.u"\naction = "bias"\nvalue = 0.5\nat = 0.5\n'
+SLOW_NODE = ring(*FIVE).replace('[components.n1]\nfmu = "Node"', '[components.n1]\nfmu = "Node"\nstep = 2')
+REFUSES = ring([-6.0, 1.0], [0.0, 0.0], [1.0, 0.0], lazy=1).replace("lazy = 1 }", "lazy = 1, least = -1.0 }")
+LOOPS = {
+    "ring": ring(*FIVE) + EVENT,
+    "slow": SLOW_NODE,
+    "masses": masses(1e6, stop=0.05),
+    "control": masses(1e4, stop=0.064, more="step_control = 1e-3") + "[record]\ndecimation = 16\n",
+    "refuses": REFUSES + EVENT.replace("n2", "n0").replace("0.5", "1.0", 1),
+    "unsolved": ring([1.0, 1.0], [0.0, 0.0], [0.0, 0.0]) + EVENT.replace("n2", "n1"),
+}
+
+
+@pytest.mark.parametrize("kind", LOOPS)
+def test_c_solves_loops_with_the_bits_of_python(write, coupled, monkeypatch, kind):
+    """What it does not solve Python does again: a component that refuses a step, a loop without a solution."""
+    path, found, solved = write(LOOPS[kind]), [], []
+    call = compiled.InLoop.__call__
+    monkeypatch.setattr(compiled.InLoop, "__call__", lambda self: solved.append(call(self)) or solved[-1])
+    for binary in (compiled.BINARY, Path("none.so")):
+        monkeypatch.setattr(compiled, "BINARY", binary)
+        try:
+            found.append((run(path, fmus=coupled), ""))
+        except FmuError as error:
+            found.append((error.result, str(error)))
+    (one, said), (other, words) = found
+    same(one, other)
+    assert one.run.loops == other.run.loops and said == words
+    assert solved.count(True) > 3 and (False in solved) == (kind in ("refuses", "unsolved"))
 
 
 def test_without_loops_it_is_gauss_seidel(write, chain, fmus):

@@ -73,6 +73,7 @@ def test_file_that_is_no_library_counts_as_none(tmp_path, monkeypatch):
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 def test_structures_are_those_of_c(tmp_path):
     kinds = (compiled.Link, compiled.WatchInC, compiled.Exchange, compiled.PartInC, compiled.Loop)
+    kinds += (compiled.Cycle, compiled.RampInC)
     fields = [(kind.__name__, name) for kind in kinds for name, _ in kind._fields_]
     lines = [f'printf("%zu ", offsetof({kind}, {name}));' for kind, name in fields]
     lines += [f'printf("%zu ", sizeof({kind.__name__}));' for kind in kinds]

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 LOW_SIDE = ("low_side_diode", "low_side_zener", "low_side_tvs", "low_side_resistor")
 TINY = 1e-9  # current beyond a threshold [A]
+SOON = 1e-11  # a timer runs out, and a period begins, where so little is left [s]
 
 
 class Stage:
@@ -25,11 +26,12 @@ class Stage:
         self.a = self.b = self.live = self.boosting = False
         self.changed_a = self.changed_b = self.begun = -1.0
         self.q, self.delta, self.walls, self.sign = 3, 1, 0, 0
+        self.dead = False, False  # legs whose switches are both off, in a part between two events
         self.switches = []  # times at which the current began or ceased to flow, or the upper switch changed
 
     # circuit
 
-    def ways(self, t, sign):
+    def ways(self, sign):
         """Shares of link and boost capacitor, voltage and resistance on the way of a current of this sign."""
         s, kind = self.s, self.topology
         falls, rises = (0, 0, -s.diode_voltage, s.diode_resistance), (1, 0, s.diode_voltage, s.diode_resistance)
@@ -44,9 +46,8 @@ class Stage:
             }[kind]
             upper, lower = (1, 0, 0.0, 0.0), ground if self.a else clamp if sign > 0 else falls
         elif kind == "full_bridge":
-            is_dead_a, is_dead_b = (t < when + s.switch_dead_time - 1e-12 for when in (self.changed_a, self.changed_b))
-            upper = (falls if sign > 0 else rises) if is_dead_a or not self.live else link if self.a else ground
-            lower = (rises if sign > 0 else falls) if is_dead_b or not self.live else ground if self.b else link
+            upper = (falls if sign > 0 else rises) if self.dead[0] or not self.live else link if self.a else ground
+            lower = (rises if sign > 0 else falls) if self.dead[1] or not self.live else ground if self.b else link
         else:
             recovered = (0, 1, s.diode_voltage, s.diode_resistance) if kind == "boost" else rises
             fed = store if kind == "boost" and self.boosting else link
@@ -68,9 +69,9 @@ class Stage:
         total = p.coil_turns**2 + p.coil_resistance * self.oracle.k
         return p.coil_turns * mmf / total, self.oracle.k / total
 
-    def conducting(self, t, y, sign):
+    def conducting(self, y, sign):
         """Current, voltage of the coil and voltage of the link, if a current of this sign flows."""
-        bus, boost, offset, Z = self.ways(t, sign)
+        bus, boost, offset, Z = self.ways(sign)
         still, share = self.coil(y)
         link = y[5] + self.s.link_resistance * (y[4] - self.draw(y)[1])
         Z = Z + self.s.link_resistance * bus * bus
@@ -94,16 +95,16 @@ class Stage:
         c = p.core_reversibility
         return (1 - c) * self.walls * D / p.core_pinning + c * slope if p.hysteresis else slope
 
-    def electric(self, t, y):
+    def electric(self, y):
         """Current, voltage, voltage of the link, shares."""
         if self.sign:
-            return self.conducting(t, y, self.sign)
+            return self.conducting(y, self.sign)
         link = y[5] + self.s.link_resistance * (y[4] - self.draw(y)[1])
         return 0.0, self.open_voltage(y), link, (0, 0)
 
     def rates(self, t, y):
         s = self.s
-        i, u, link, (bus, boost) = self.electric(t, y)
+        i, u, link, (bus, boost) = self.electric(y)
         charge, draw = self.draw(y)
         moved = self.oracle.rates(t, y[:4], lambda _: u, self.q, self.walls)
         return [
@@ -119,14 +120,14 @@ class Stage:
         """Upper threshold of a regulated current [A]."""
         if self.law == "current":
             return self.command(t)[2]
-        return self.s.peak_current if t < self.begun + self.s.peak_duration - 1e-12 else self.s.hold_current
+        return self.s.peak_current if t < self.begun + self.s.peak_duration - SOON else self.s.hold_current
 
     def command(self, t):
-        return next(row[1:] for row in reversed(self.commands) if t >= row[0] - 1e-12)
+        return next(row[1:] for row in reversed(self.commands) if t >= row[0] - SOON)
 
     def phase(self, t):
         period = 1.0 / self.s.control_frequency
-        return (t + 1e-12) % period, period
+        return (t + SOON) % period, period
 
     def decide(self, t, i):
         """Set the switches for what comes after time t, where the current was i before it."""
@@ -144,11 +145,11 @@ class Stage:
             if live and not self.live:
                 a, self.begun, self.boosting = True, t, True
             else:
-                a, is_timed = self.a, t >= self.changed_a + self.s.switch_minimum - 1e-12
+                a, is_timed = self.a, t >= self.changed_a + self.s.switch_minimum - SOON
                 if is_timed and a and i >= self.level(t) - TINY:
                     a = False
                 elif is_timed and not a:
-                    by_clock = self.s.control_restart == 1.0 and self.phase(t)[0] < 2e-12 and i < self.level(t)
+                    by_clock = self.s.control_restart == 1.0 and self.phase(t)[0] < 2 * SOON and i < self.level(t)
                     a = by_clock or (self.s.control_restart == 0.0 and i <= self.level(t) - self.s.control_band + TINY)
                 a = a and live
             b = live and (a or not self.is_fast)
@@ -159,11 +160,12 @@ class Stage:
         if b != self.b or live != self.live:
             self.changed_b = t
         self.a, self.b, self.live = a, b, live
+        self.dead = tuple(t < when + self.s.switch_dead_time - SOON for when in (self.changed_a, self.changed_b))
 
-    def direct(self, t, y):
+    def direct(self, y):
         """Which way current flows now."""
-        ahead, back = (self.conducting(t, y, sign) for sign in (1, -1))
-        is_free = self.ways(t, 1)[:3] == self.ways(t, -1)[:3]
+        ahead, back = (self.conducting(y, sign) for sign in (1, -1))
+        is_free = self.ways(1)[:3] == self.ways(-1)[:3]
         if is_free:
             self.sign = 1
         elif self.coil(y)[1]:
@@ -180,24 +182,24 @@ class Stage:
         times += [self.changed_b + s.switch_dead_time, self.begun + s.peak_duration, *(row[0] for row in self.commands)]
         phase, period = self.phase(t)
         if self.law == "pwm" or s.control_restart == 1.0:
-            times += [t + period - phase + 1e-12]
+            times += [t + period - phase + SOON]
         if self.law == "pwm":
-            times += [t - phase + 1e-12 + abs(self.command(t)[2]) * period]
-        return min(time for time in times if time > t + 1e-11)
+            times += [t - phase + SOON + abs(self.command(t)[2]) * period]
+        return min(time for time in times if time > t + SOON)
 
     def guards(self, t, is_free):
         s, found = self.s, []
         if self.sign and not is_free:
-            found.append(lambda t, y: self.sign * self.conducting(t, y, self.sign)[0])
+            found.append(lambda t, y: self.sign * self.conducting(y, self.sign)[0])
         if not self.sign and self.coil_has_eddies:
-            found.append(lambda t, y: TINY * 2 - self.conducting(t, y, 1)[0])
-            found.append(lambda t, y: TINY * 2 + self.conducting(t, y, -1)[0])
-        if self.law in ("current", "peak_hold") and self.live and t >= self.changed_a + s.switch_minimum - 1e-12:
+            found.append(lambda t, y: TINY * 2 - self.conducting(y, 1)[0])
+            found.append(lambda t, y: TINY * 2 + self.conducting(y, -1)[0])
+        if self.law in ("current", "peak_hold") and self.live and t >= self.changed_a + s.switch_minimum - SOON:
             level = self.level(t)
             if self.a:
-                found.append(lambda t, y: level - self.electric(t, y)[0])
+                found.append(lambda t, y: level - self.electric(y)[0])
             elif s.control_restart == 0.0:
-                found.append(lambda t, y: self.electric(t, y)[0] - level + s.control_band)
+                found.append(lambda t, y: self.electric(y)[0] - level + s.control_band)
         return found
 
     @property
@@ -213,8 +215,8 @@ class Stage:
         found[0, 3:] = s.supply_voltage, s.boost_voltage, p.initial_position
         while t < end - 1e-12:
             self.decide(t, i)
-            is_free = self.direct(t, y)
-            u = self.electric(t, y)[1]
+            is_free = self.direct(y)
+            u = self.electric(y)[1]
             phi, H, z = (y[:4] * SCALE)[:3]
             delta = 1 if self.oracle.flux_rate(phi, H, z, u) >= 0 else -1
             if delta != self.delta:  # else the walls move or rest as before
@@ -230,10 +232,10 @@ class Stage:
             )  # fmt: skip
             for k in np.flatnonzero((times > t + 1e-12) & (times <= part.t[-1] + 1e-12)):
                 at = part.sol(min(times[k], part.t[-1]))
-                now, u, *_ = self.electric(times[k], at)
+                now, u, *_ = self.electric(at)
                 found[k] = now, u, at[4], at[5], at[6], at[2] * SCALE[2]
             t, y = part.t[-1], part.y[:, -1]
-            i = self.electric(t, y)[0]
+            i = self.electric(y)[0]
             if part.status == 1:
                 hit = next(n for n, hits in enumerate(part.t_events) if len(hits))
                 contacts = len(moving) and (2 if self.q == 2 else 1)
@@ -247,4 +249,4 @@ class Stage:
 
     def of_actuator(self, guard):
         """A guard of the actuator alone, with the voltage of the circuit."""
-        return lambda t, y: guard(t, y[:4], lambda time: self.electric(time, y)[1], self.q, self.walls)
+        return lambda t, y: guard(t, y[:4], lambda time: self.electric(y)[1], self.q, self.walls)

@@ -20,11 +20,11 @@ from gapsense.page.page import write_page
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("zig")]
 ROOT = Path(__file__).resolve().parents[2]
-SCENARIOS = sorted(  # firmware is run_to_run; a page iterates no loops
-    f.parent
-    for f in ROOT.glob("scenarios/*/scenario.toml")
-    if f.parent.name != "firmware" and load(f).experiment.method != ITERATIVE
-)
+FILES = sorted(f for f in ROOT.glob("scenarios/*/scenario.toml") if f.parent.name != "firmware")  # which is run_to_run
+SCENARIOS = [f.parent for f in FILES]
+FIRST = [  # a page iterates no loops
+    next((f.parent, v) for v in (None, *load(f).variants) if load(f, v).experiment.method != ITERATIVE) for f in FILES
+]
 WITH_EVENTS = [  # variants that have events
     (folder, name)
     for folder in SCENARIOS
@@ -72,11 +72,11 @@ def assert_equal(opened: Opened, result: Any) -> None:
     assert wrong == []
 
 
-@pytest.mark.parametrize("folder", SCENARIOS, ids=lambda folder: folder.name)
-def test_page_has_the_bits_of_native_fmus_its_file_and_its_metrics(browser, tmp_path, fmus, natives, folder):
+@pytest.mark.parametrize(("folder", "variant"), FIRST, ids=lambda x: getattr(x, "name", x))
+def test_page_has_the_bits_of_native_fmus_its_file_and_its_metrics(browser, tmp_path, fmus, natives, folder, variant):
     pytest.importorskip("bokeh")
-    file = write_page(folder, tmp_path / f"{folder.name}.html", fmus=fmus)
-    result = run(folder, fmus=natives)
+    file = write_page(folder, tmp_path / f"{folder.name}.html", variant, fmus)
+    result = run(folder, variant, fmus=natives)
     opened = Opened(browser, file)
     assert_equal(opened, result)
     with opened.page.expect_download() as download:

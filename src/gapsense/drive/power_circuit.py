@@ -22,6 +22,7 @@ from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, s
 
 MICRO_STEPS = 100_000  # at most, per communication step
 FINENESS = 0.25  # micro-step at most, in time constants
+STABLE = 2.0  # likewise, of the supply that has settled after the last edge; Runge-Kutta 4 is stable up to 2.7
 REFINEMENT = 1024.0  # a micro-step is shortened at most so many times for that
 CLOSE, TICK = 1.0 - 2e-7, 1e-12  # share and time [s] by which a timer may run out early, for single precision
 NEVER = 1e9  # [s]
@@ -240,7 +241,7 @@ def _micro_step(
         end = end._replace(magnetizing=where(is_blocked, settled + fallen, end.magnetizing))
         return end, sums, flow(end)
 
-    length = next_part(left, _next(net, command, gates, _need(net, coil, path)))
+    length = next_part(left, _next(net, command, gates, _fine(net, coil, path, gates)))
     end, sums, then = after(length)
 
     def shorter() -> tuple[Scalar, Stores, Sums, Flow]:
@@ -321,13 +322,13 @@ def _level(net: Net, command: Command, gates: Gates) -> Scalar:
     return where(net.law == Law.current, command.reference, planned)
 
 
-def _next(net: Net, command: Command, gates: Gates, need: Scalar) -> Scalar:
+def _next(net: Net, command: Command, gates: Gates, fine: Scalar) -> Scalar:
     """Longest micro-step: up to the next edge or timer, and fine enough [s]."""
 
     def rest(age: Scalar, limit: Scalar) -> Scalar:
         return where(is_over(age, limit), NEVER, limit - age)
 
-    fine, finest = FINENESS / need, net.micro_step / REFINEMENT
+    finest = net.micro_step / REFINEMENT
     length = least(net.micro_step, where(fine < finest, finest, fine))
     for age, limit in ((gates.age_a, net.minimum), (gates.age_a, net.dead_time), (gates.age_b, net.dead_time)):
         length = least(length, rest(age, limit))
@@ -403,9 +404,17 @@ def _rates(net: Net, coil: Coil, path: Path, is_blocked: Scalar, flow: Flow, y: 
     return stores, Sums(net.source * y.supply, flow.voltage * i, heat, net.cable_inductance * rate * i)
 
 
-def _need(net: Net, coil: Coil, path: Path) -> Scalar:
-    """Reciprocal of the shortest time constant [1/s]."""
-    Z = coil.resistance + path.resistance + net.cable_resistance
+def _fine(net: Net, coil: Coil, path: Path, gates: Gates) -> Scalar:
+    """Micro-step that is fine enough [s].
+
+    What is left of the answer of the supply to the last edge falls with its damping, and the error of a step grows with
+    the fifth power of its length.  So steps grow, as far as they are stable and fine enough for what goes on slowly.
+    """
+    Z, R = coil.resistance + path.resistance + net.cable_resistance, net.resistance + net.esr
     slow = coil.inverse * Z / (1.0 + Z * coil.conductance + coil.inverse * net.cable_inductance)
-    supply = (net.resistance + net.esr) / net.inductance + 1.0 / sqrt(net.inductance * net.capacitance)
-    return slow + supply
+    fast = slow + R / net.inductance + 1.0 / sqrt(net.inductance * net.capacitance)
+    calm = clip(least(gates.age_a, gates.age_b) - net.dead_time, 0.0, 1.0) * R / (10.0 * net.inductance)
+    grown = least(STABLE / fast, FINENESS * (1.0 + calm * (1.0 + 0.5 * calm)) / fast)
+    longest = FINENESS / (slow + 1.0 / (where(R > 0.0, R, 1e-9) * net.capacitance))
+    fine = least(grown, longest)
+    return where(fine > FINENESS / fast, fine, FINENESS / fast)

@@ -13,7 +13,7 @@ from typing import Any
 
 from gapsense.cosim.run.part import Advance, Part, Work
 from gapsense.cosim.run.recording import COMPONENT, MASTER, STEP, STOP
-from gapsense.cosim.run.turns import Turns
+from gapsense.cosim.run.turns import Solver, Turns
 from gapsense.cosim.scenario.records import JACOBI, reporter
 from gapsense.problems import FmuError
 
@@ -22,9 +22,9 @@ CAUTION, GROWTH, SHORTER = 0.9, 2.0, 0.1  # of what the error allows; at most an
 NEW = {"next": 1, "done": 0, "rejected": 0, "shortest": 0, "longest": 0, "beyond": 0, "worst": 0.0, "at": 0, "of": ""}
 
 
-def controlled(work: Work, record: Callable[[int], None]) -> Advance:
+def controlled(work: Work, record: Callable[[int], None], solver: Solver | None = None) -> Advance:
     """Function that does steps until a base step is reached or passed; the last one done."""
-    control, done = Control(work), work.begin - 1
+    control, done = Control(work, solver), work.begin - 1
 
     def advance(until: int) -> int:
         nonlocal done
@@ -44,13 +44,13 @@ def controlled(work: Work, record: Callable[[int], None]) -> Advance:
 class Control:
     """How far the next step goes, and whether it was too long."""
 
-    def __init__(self, work: Work) -> None:
+    def __init__(self, work: Work, solver: Solver | None = None) -> None:
         from gapsense.cosim.check import is_free  # here, so that other runs start fast
 
         self.work, self.parts, self.experiment = work, work.parts, work.experiment
         about = [(part.component, part.instance.description) for part in work.parts]
         self.free = frozenset(i for i, one in enumerate(about) if is_free(*one))
-        self.turns, self.play = Turns(work, self.free), work.player.into(work.buffer)
+        self.turns, self.play = Turns(work, self.free, solver), work.player.into(work.buffer)
         self.turns.stops = False  # a step may be done again
         self.has_news = reporter(work.watches, work.buffer)
         self.told = work.recording.steps

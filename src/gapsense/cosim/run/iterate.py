@@ -2,7 +2,7 @@
 
 The unknowns x (n,) of a loop are the outputs that a component takes before their own component has stepped. A sweep
 lets all of its components step, one after the other, which gives these outputs anew, G(x). Sought is a zero of
-r(x) = G(x) - x, in units of the nominal values. Sums are exact before they are rounded, so that all machines agree on
+r(x) = G(x) - x, in units of the nominal values. Sums go from left to right, so that all machines, and loop.c, agree on
 the bits.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
-from math import fsum, isfinite
+from math import isfinite
 
 from gapsense.cosim.run.part import Part
 from gapsense.cosim.scenario.records import Experiment
@@ -63,8 +63,11 @@ class Secants:
 
 
 def dot(a: Vector, b: Vector) -> float:
-    """Sum of the products."""
-    return fsum(x * y for x, y in zip(a, b))
+    """Sum of the products; `sum` of Python 3.12 rounds differently."""
+    total = 0.0
+    for x, y in zip(a, b):
+        total += x * y
+    return total
 
 
 def added(a: Vector, b: Vector, factor: float) -> Vector:

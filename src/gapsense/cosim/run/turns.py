@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from ctypes import c_double
 from time import perf_counter
 from typing import Any
@@ -19,6 +19,8 @@ Vector = list[float]
 PIECES = 1000  # of a step of a loop, at most
 LEAST_PIECE = 1e-9  # of a step: what is left of it less than that is rounding
 NOBODY: Collection[int] = frozenset()
+Solve = Callable[[], bool]  # lets a loop step until it is solved; if it was not, nothing has changed
+Solver = Callable[["Turns", Sweep], "Solve | None"]  # how a sweep is solved in C, if it can be
 
 
 class Turns:
@@ -27,7 +29,7 @@ class Turns:
     Parts that are `free` step whenever there is a base step, from the last one on, the others in steps of their own.
     """
 
-    def __init__(self, work: Work, free: Collection[int] = NOBODY) -> None:
+    def __init__(self, work: Work, free: Collection[int] = NOBODY, solver: Solver | None = None) -> None:
         self.work, self.parts, self.free, self.k = work, work.parts, free, 0
         self.method = work.experiment.method
         self.last = [first_turn(part.component, work.begin) - part.component.step for part in work.parts]
@@ -40,6 +42,7 @@ class Turns:
         self.units = [(unit[0], unit) for unit in dict.fromkeys(loops.get(i, (i,)) for i in range(len(work.parts)))]
         self.remembers = any(part.places.earlier for part in work.parts[:1])
         self.looped, self.sweeps = frozenset(loops), dict[tuple[int, ...], Sweep]()
+        self.solver, self.in_c = solver, dict[str, "Solve | None"]()
         self.numbers = {part: i for i, part in enumerate(work.parts)}
         self.warned: dict[int, int] = {}
         self.every = [part.component.step for part in work.parts]
@@ -85,13 +88,18 @@ class Turns:
         """The sweep of these parts, with the inverse that was kept of it."""
         sweep = self.sweeps[due] = Sweep([self.parts[i] for i in due], self.work.experiment)
         sweep.inverse = self.work.recording.inverses.setdefault(sweep.names, sweep.inverse)
+        self.in_c[sweep.names] = self.solver(self, sweep) if self.solver and sweep.is_loop else None
         return sweep
 
     def cut(self, sweep: Sweep) -> None:
-        """Let a loop step to where its parts say that the step should end, then on from there, until it is over."""
+        """Let a loop step to where its parts say that the step should end, then on from there, until it is over.
+
+        Of outputs that are means others then get the mean of all pieces.
+        """
         edges = [place for part in sweep.parts for place in part.edges]
         if not edges:
             return self.solve(sweep)
+        means = dict.fromkeys(self.means(sweep), 0.0)
         ramps = [self.ramps[i] for part in sweep.parts if (i := self.numbers[part]) in self.ramps]
         whole = length = (self.k - self.last[self.numbers[sweep.parts[0]]]) * self.base
         for _ in range(PIECES):
@@ -102,6 +110,9 @@ class Turns:
                     part.instance.back(LOOP)
                 length = float(edge)
             else:
+                for place in means:
+                    means[place] += self.work.buffer[place] * length
+                is_divided = length < whole
                 self.passed, length = self.passed + length, whole - self.passed - length
                 for ramp in ramps:
                     ramp.keep()
@@ -110,13 +121,23 @@ class Turns:
             for ramp in ramps:
                 ramp.piece = self.length
             if is_over:
+                for place, total in means.items() if is_divided else ():
+                    self.work.buffer[place] = total / whole
                 return
         problem = f"a step of the loop of `{sweep.names}` has too many edges for {PIECES} trials. Reduce `base_step`."
         raise FmuError("run", problem, time=self.work.experiment.time(self.k - 1) + self.passed, step=self.k)
 
+    def means(self, sweep: Sweep) -> Iterator[int]:
+        """Places of outputs of a loop that are means over a step, as connections say."""
+        own = {part.places.index[port] for part in sweep.parts for port in part.outputs}
+        for part in self.parts:
+            targets = {part.places.inlets[port] for port in part.means}
+            yield from (wire.source for wire in part.wires if wire.target in targets and wire.source in own)
+
     def solve(self, sweep: Sweep) -> None:
         """Let the parts of a loop step until they agree, and count how often."""
-        if unsolved := sweep.solve(self.repeat):
+        solve = self.in_c[sweep.names]
+        if not (solve and solve()) and (unsolved := sweep.solve(self.repeat)):
             begin = self.work.experiment.time(self.last[self.numbers[sweep.parts[0]]])
             raise FmuError("run", unsolved, time=begin, step=self.k)
         counts = self.work.recording.loops.setdefault(sweep.names, [0, 0, 0, 0])
@@ -132,10 +153,14 @@ class Turns:
         self.seconds[i] += perf_counter() - begin
         self.move(i)
 
+    def begins(self, first: int) -> float:
+        """Time at which the step, or the piece of it that is due, begins, from the base step of its beginning."""
+        return self.start + first * self.base + self.passed
+
     def move(self, i: int) -> None:
         """Let a part step."""
         clock, first, self.work.marks[COMPONENT] = perf_counter(), self.last[i], i + 1
-        begin, every = self.start + first * self.base + self.passed, self.k - first
+        begin, every = self.begins(first), self.k - first
         if self.ramps and (ramp := self.ramps.get(i)):
             ramp.every, ramp.gone = every, self.gone[i]
         step = None if self.length else self.steppers.get((i, every))
@@ -221,6 +246,7 @@ class Ramp:
             own = {port: variable for port, variable in own.items() if port in part.late}
         own = {p: v for p, v in own.items() if v.variability in ("", "continuous") and p not in part.means}
         self.part, self.buffer, self.places = part, part.buffer, [part.places.index[port] for port in own]
+        self.variables = [*own.values()]
         self.base, self.every, self.gone = (
             work.experiment.base_step,
             0,
@@ -231,7 +257,7 @@ class Ramp:
         self.old = work.recording.inputs.setdefault(part.component.name, now)
         self.is_late = [port in part.late for port in own]
         self.slopes = (c_double * len(own))()
-        self.tell = part.instance.sloper([*own.values()], self.slopes)
+        self.tell = part.instance.sloper(self.variables, self.slopes)
         self.copy, self.give, self.new = part.copier(), part.taker(self.put), list(now)
 
     def put(self) -> None:

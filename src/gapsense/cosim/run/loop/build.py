@@ -9,7 +9,7 @@ LOOP = Library(
     module="gapsense.cosim.run.loop.build",
     source=SOURCE,
     binary=BINARY,
-    exports=("loop",),
+    exports=("loop", "solve"),
     options=("-ffp-contract=off",),  # Python rounds the product too
 )
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from gapsense._os.native import structures
 from gapsense._os.processes import MARKS
-from gapsense.cosim.fmu.instance import STEP
+from gapsense.cosim.fmu.instance import FATAL, SLOPE, STEP, referring
+from gapsense.cosim.run import iterate
+from gapsense.cosim.run.iterate import LOOP, PARALLEL, ROUNDING, Sweep
 from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import STOP
-from gapsense.cosim.scenario.records import ITERATIVE, Watch
+from gapsense.cosim.run.turns import Ramp, Solve, Turns
+from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Watch
 
 __all__ = ["Advance", "Work", "advancer", "language"]
 
@@ -29,7 +33,9 @@ def advancer(work: Work) -> Advance:
     is_needed = needs_python(work)
     run = None if is_needed else entry()
     work.recording.loop = "C" if run else "Python only" if is_needed else "Python"
-    return in_c(work, run) if run else in_python(work)
+    if run:
+        return in_c(work, run)
+    return in_python(work, partial(in_loop, work) if entry("solve") else None)
 
 
 def needs_python(work: Work) -> bool:
@@ -44,11 +50,14 @@ def needs_python(work: Work) -> bool:
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 BINARY = SOURCE.with_name("linux64") / "loop.so"
-DONE, AT_SET, AT_STEP, AT_GET, AT_CHECK, IN_PYTHON = range(6)  # what failed
+DONE, AT_SET, AT_STEP, AT_GET, AT_CHECK, IN_PYTHON, AT_SLOPE, AT_HOLD, AT_BACK, UNSOLVED = range(10)  # what failed
+IN_STATE = {AT_HOLD: "fmi2GetFMUstate", AT_BACK: "fmi2SetFMUstate"}
+NAMED = {AT_SLOPE: SLOPE, **IN_STATE}
 PythonStep = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_double)
 PythonTake = ctypes.CFUNCTYPE(ctypes.c_int)
 MADE = structures(SOURCE.read_text("utf-8"))
-Link, Exchange, PartInC, WatchInC, Loop = (MADE[name] for name in ("Link", "Exchange", "Part", "Watch", "Loop"))
+NAMES = ("Link", "Exchange", "Part", "Watch", "Loop", "Cycle", "Ramp")
+Link, Exchange, PartInC, WatchInC, Loop, Cycle, RampInC = (MADE[name] for name in NAMES)
 Number = MADE["int64_t"]
 PATIENCE = 0.05  # seconds after which Python looks up: only then it learns of a Ctrl-C in a native FMU
 
@@ -100,7 +109,7 @@ class Guest:
     def __init__(self, part: Part, work: Work) -> None:
         self.part, self.failed, self.marks = part, "", work.marks
         self.error: BaseException | None = None
-        base, is_sequential = work.experiment.base_step, work.experiment.method == "gauss-seidel"
+        base, is_sequential = work.experiment.base_step, work.experiment.method != JACOBI
         self.links = array_of(part)
         self.takes_first = is_sequential and part.follows
         if not part.is_direct:
@@ -190,7 +199,7 @@ def whole(work: Work, parts: Any) -> Any:
         buffer=work.buffer.ctypes.data,
         start=experiment.start,
         base_step=experiment.base_step,
-        is_jacobi=experiment.method == "jacobi",
+        is_jacobi=experiment.method == JACOBI,
         decimation=work.decimation,
         columns=work.columns.ctypes.data,
         column_count=len(work.columns),
@@ -223,26 +232,146 @@ def failure(guest: Guest, loop: Any, cause: int) -> BaseException:
         return guest.error or part.failure(guest.failed, loop.time, loop.next)
     part.status = loop.status
     called = {AT_SET: part.givers, AT_GET: part.readers}.get(cause, ())
-    what = STEP if cause == AT_STEP else NOT_FINITE
+    what = NAMED.get(cause, STEP if cause == AT_STEP else NOT_FINITE)
     return part.failure(called[0].function if called else what, loop.time, loop.next)
+
+
+# Loops that repeat their steps: base steps are in Python, and the search for a solution in C.
+
+
+def in_loop(work: Work, turns: Turns, sweep: Sweep) -> Solve | None:
+    """Function that solves a loop in C, by the secants of iterate.py; none if only Python can move its values."""
+    run = entry("solve")
+    is_plain = sweep.unknowns and not (sweep.others or sweep.said) and all(part.is_direct for part in sweep.parts)
+    return InLoop(work, turns, sweep, run) if run and is_plain else None
+
+
+class InLoop:
+    """A loop in C. What it does not solve Python does again, from where it was, in its own words."""
+
+    def __init__(self, work: Work, turns: Turns, sweep: Sweep, run: Callable[..., int]) -> None:
+        n, of = len(sweep.unknowns), work.experiment
+        self.turns, self.sweep, self.run = turns, sweep, run
+        self.guests = {work.parts.index(part): Guest(part, work) for part in sweep.parts}
+        self.parts = (PartInC * len(self.guests))(*(self.part(i, guest, work) for i, guest in self.guests.items()))
+        self.rows = [*zip(self.guests, self.guests.values(), self.parts)]
+        self.rising = [(i, Rising(turns.ramps[i]), part) for i, _, part in self.rows if i in turns.ramps]
+        for _, rising, part in self.rising:
+            part.ramp = ctypes.pointer(rising.in_c)
+        self.loop, self.inverse, self.size = whole(work, self.parts), doubles([0.0] * n * n), n
+        self.kept = doubles(sweep.nominals), doubles([0.0] * n * (n + 7)), doubles([0.0] * len(work.buffer))
+        self.places = (Number * n)(*sweep.unknowns)
+        nominals, space, before = map(ctypes.addressof, self.kept)
+        self.cycle = Cycle(
+            loop=ctypes.pointer(self.loop),
+            unknowns=ctypes.addressof(self.places),
+            unknown_count=n,
+            nominals=nominals,
+            tolerance=of.loop_tolerance,
+            parallel=PARALLEL,
+            rounding=ROUNDING,
+            patience=2 * n + iterate.PATIENCE,
+            most=of.loop_evaluations,
+            inverse=ctypes.addressof(self.inverse),
+            space=space,
+            before=before,
+            size=len(work.buffer),
+        )
+
+    @staticmethod
+    def part(i: int, guest: Guest, work: Work) -> Any:
+        """What loop.c needs to know of a part of a loop."""
+        made, instance = structure(guest, i, work), guest.part.instance
+        made.number, made.held = i, ctypes.addressof(instance.held.setdefault(LOOP, ctypes.c_void_p()))
+        made.get_state, made.set_state = (address(instance.function(name)) for name in IN_STATE.values())
+        return made
+
+    def __call__(self) -> bool:
+        """Let the parts step until they agree; true if they do."""
+        turns, n = self.turns, self.size
+        self.loop.next = turns.k
+        for i, guest, part in self.rows:
+            first = turns.last[i]
+            part.begins, part.duration = turns.begins(first), turns.length or (turns.k - first) * turns.base
+            part.warned, part.seconds = turns.warned[i], 0.0
+            if guest.part.stages:
+                renew(guest)
+        for i, rising, _ in self.rising:
+            rising.begin(turns.gone[i])
+        self.inverse[:] = [value for row in self.sweep.inverse for value in row]
+        said = [len(guest.part.instance.messages) for guest in self.guests.values()]
+        cause = self.run(self.cycle)
+        for i, guest, part in self.rows:
+            turns.seconds[i] += part.seconds
+            if not cause:
+                guest.part.warnings, guest.part.ended = part.warnings, 0
+        if cause:
+            self.go_back(cause, said)
+            return False
+        for _, rising, _ in self.rising:
+            rising.end()
+        self.sweep.count = self.cycle.count
+        self.sweep.inverse[:] = [self.inverse[n * i : n * i + n] for i in range(n)]
+        return True
+
+    def go_back(self, cause: int, said: Sequence[int]) -> None:
+        """Be at the beginning of the step again, unless a part can never be."""
+        if self.loop.status == FATAL:
+            raise failure([*self.guests.values()][self.loop.part], self.loop, cause)
+        for part, count in zip(self.sweep.parts[: self.cycle.begun], said):
+            part.instance.back(LOOP)
+            while len(part.instance.messages) > count:  # which it will say again
+                part.instance.messages.pop()
+
+
+class Rising:
+    """Inputs in a straight line, of a part of a loop."""
+
+    def __init__(self, ramp: Ramp) -> None:
+        self.ramp, self.count = ramp, len(ramp.places)
+        self.values, self.references = doubles([*ramp.old, *ramp.old]), referring(ramp.variables)
+        self.orders = (ctypes.c_int * self.count)(*[1] * self.count)
+        self.places, self.are_late = ((Number * self.count)(*of) for of in (ramp.places, ramp.is_late))
+        kept = (self.references, ramp.slopes, self.places, self.are_late, self.values)
+        names = ("references", "slopes", "places", "are_late", "values")
+        self.in_c = RampInC(
+            entry=address(ramp.part.instance.function(SLOPE)),
+            count=self.count,
+            orders=self.orders,
+            **dict(zip(names, map(ctypes.addressof, kept))),
+        )
+
+    def begin(self, gone: int) -> None:
+        """Begin a step, after one of so many base steps."""
+        self.values[: self.count] = self.ramp.old
+        self.in_c.before = gone * self.ramp.base or math.inf
+
+    def end(self) -> None:
+        """Have done a step."""
+        self.ramp.new = self.values[self.count :]
+
+
+def doubles(values: Sequence[float]) -> Any:
+    """An array for C."""
+    return (ctypes.c_double * len(values))(*values)
 
 
 # The C library that does base steps, for Linux on x86-64.
 
 
-def entry() -> Callable[..., int] | None:
-    """Function `loop` of the library, or None where it does not load: Python then does the same, more slowly."""
-    return loaded(BINARY)
+def entry(name: str = "loop") -> Callable[..., int] | None:
+    """Function of the library, or None where it does not load: Python then does the same, more slowly."""
+    return loaded(BINARY, name)
 
 
 @cache
-def loaded(binary: Path) -> Callable[..., int] | None:
-    """Function `loop` of a library."""
+def loaded(binary: Path, name: str) -> Callable[..., int] | None:
+    """Function of a library."""
     try:
-        function: Any = ctypes.CDLL(str(binary)).loop
+        function: Any = getattr(ctypes.CDLL(str(binary)), name)
     except (OSError, AttributeError):  # another platform, no file, or not ours
         return None
-    function.argtypes = [ctypes.POINTER(Loop), Number]
+    function.argtypes = {"loop": [ctypes.POINTER(Loop), Number], "solve": [ctypes.POINTER(Cycle)]}[name]
     found: Callable[..., int] = function
     return found
 

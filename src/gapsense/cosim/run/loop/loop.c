@@ -1,9 +1,10 @@
 /* Many base steps of a run in one call from Python; three calls through ctypes per component-step cost 3 us more.
- * The structures here are those of library.py; reference.py does the same in Python and must give the same bits. */
+ * The structures here are those of compiled.py; reference.py does the same in Python and must give the same bits. */
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 #include <time.h>
 
 #define EXPORT __attribute__((visibility("default")))
@@ -15,6 +16,9 @@ EXPORT const char gapsense_loop_fingerprint[] = "gapsense-loop:" LOOP_FINGERPRIN
 
 typedef int Exchange2(void *instance, const unsigned *references, size_t count, double *values);
 typedef int Exchange3(void *instance, const unsigned *references, size_t count, double *values, size_t same_count);
+typedef int SetSlopes2(void *instance, const unsigned *references, size_t count, const int *orders, const double *slopes);
+typedef int GetState(void *instance, void **state);
+typedef int SetState(void *instance, void *state);
 typedef int DoStep2(void *instance, double time, double step, int keep);
 typedef int DoStep3(void *instance, double time, double step, bool keep, bool *event, bool *ends, bool *early, double *last);
 
@@ -33,6 +37,18 @@ typedef struct {
     size_t value_count;
 } Exchange;
 
+/* Inputs of a part of a loop that go in a straight line, as Ramp in turns.py. */
+typedef struct {
+    void *entry;
+    const unsigned *references;
+    size_t count;
+    const int *orders;
+    double *slopes;
+    const int64_t *places, *are_late;
+    double *values; /* the last ones, and the new ones */
+    double before;  /* how long the last step was [s] */
+} Ramp;
+
 typedef struct {
     int fmi; /* its version; 0 if not C but Python steps it */
     void *instance;
@@ -48,6 +64,12 @@ typedef struct {
     int64_t *spread; /* steps by how long they took, as in durations.py */
     int (*python_step)(double start);
     int (*python_take)(void);
+    int64_t number;           /* among all parts of the run, if this is one of a loop */
+    double begins;            /* the step, or the piece of it that is due [s] */
+    int64_t warned;           /* warnings before it */
+    void *get_state, *set_state;
+    void **held; /* state at the beginning of the step */
+    Ramp *ramp;  /* if it has one */
 } Part;
 
 /* A condition on a value in the buffer, and whether it held when Python last looked. */
@@ -83,11 +105,26 @@ typedef struct {
     double last; /* time that the last step is said to have reached */
 } Loop;
 
+/* A loop of parts that repeat a step until their values agree. Unknowns (n,), the inverse of their Jacobian (n, n). */
+typedef struct {
+    Loop *loop; /* with its parts only */
+    const int64_t *unknowns; /* places in the buffer */
+    size_t unknown_count;
+    const double *nominals;
+    double tolerance, parallel, rounding; /* as in iterate.py */
+    int64_t patience, most; /* steps of secants, evaluations */
+    double *inverse, *space; /* n (n + 7) numbers for what is computed */
+    double *before; /* the buffer as it was */
+    size_t size;
+    int64_t count; /* evaluations */
+    size_t begun; /* parts of which the state is held */
+} Cycle;
+
 enum { PHASE, COMPONENT, STEP, ROWS, STOP }; /* marks */
 enum { MASTER = 0 };
 enum { WARNING = 1, ENDS = 1001, ENDS_WITHIN, ASTRAY }; /* as in instance.py */
 enum { BINS = 512, FIRST_BIN = (1023 - 26) * 16 }; /* as in durations.py */
-enum { DONE, AT_SET, AT_STEP, AT_GET, NOT_FINITE, IN_PYTHON };
+enum { DONE, AT_SET, AT_STEP, AT_GET, NOT_FINITE, IN_PYTHON, AT_SLOPE, AT_HOLD, AT_BACK, UNSOLVED };
 
 static double now(void)
 {
@@ -148,6 +185,32 @@ static bool are_finite(const Exchange *e)
     return true;
 }
 
+/* Slopes of inputs, and in the buffer what they begin with. */
+static void rise(Loop *l, const Part *p)
+{
+    const Ramp *ramp = p->ramp;
+    double *old = ramp->values, *new = old + ramp->count;
+    for (size_t i = 0; i < ramp->count; i++) {
+        new[i] = l->buffer[ramp->places[i]];
+        double slope = (new[i] - old[i]) / (ramp->are_late[i] ? ramp->before : p->duration);
+        bool has_line = isfinite(slope);
+        ramp->slopes[i] = has_line ? slope : 0.0;
+        l->buffer[ramp->places[i]] = has_line && !ramp->are_late[i] ? old[i] : new[i];
+    }
+}
+
+/* Tells the slopes, and has in the buffer again what the inputs end with. */
+static int tell_slopes(Loop *l, const Part *p)
+{
+    const Ramp *ramp = p->ramp;
+    for (size_t i = 0; i < ramp->count; i++)
+        l->buffer[ramp->places[i]] = ramp->values[ramp->count + i];
+    if (!ramp->count)
+        return DONE;
+    int status = ((SetSlopes2 *)ramp->entry)(p->instance, ramp->references, ramp->count, ramp->orders, ramp->slopes);
+    return is_bad(l, status) ? AT_SLOPE : DONE;
+}
+
 /* Copies connected outputs into the inputs and sets these. */
 static int take(Loop *l, const Part *p)
 {
@@ -157,7 +220,11 @@ static int take(Loop *l, const Part *p)
         double value = l->buffer[link->source];
         l->buffer[link->target] = link->converts ? link->factor * value + link->bias : value;
     }
-    return p->inputs.count && is_bad(l, move(p, &p->inputs)) ? AT_SET : DONE;
+    if (p->ramp)
+        rise(l, p);
+    if (p->inputs.count && is_bad(l, move(p, &p->inputs)))
+        return AT_SET;
+    return p->ramp ? tell_slopes(l, p) : DONE;
 }
 
 static int step(Loop *l, Part *p)
@@ -304,4 +371,131 @@ EXPORT int loop(Loop *l, int64_t until)
         l->next++;
     } while (l->next <= until && l->clock < limit && !is_called(l));
     return DONE;
+}
+
+/* What iterate.py does in a step of a loop, as far as secants solve it; what is more than that is done again there. */
+
+static double dot(const double *a, const double *b, size_t n)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+/* into = a + factor * b */
+static void add(double *into, const double *a, const double *b, double factor, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        into[i] = a[i] + factor * b[i];
+}
+
+/* Keeps the state of a part, or brings it back to that. */
+static int renew(Loop *l, Part *p, bool is_again)
+{
+    if (is_again)
+        return is_bad(l, ((SetState *)p->set_state)(p->instance, *p->held)) ? AT_BACK : DONE;
+    return is_bad(l, ((GetState *)p->get_state)(p->instance, p->held)) ? AT_HOLD : DONE;
+}
+
+/* Lets all parts step with these unknowns; what they then are off by, in units of their nominal values. */
+static int evaluate(Cycle *c, const double *x, double *r)
+{
+    Loop *l = c->loop;
+    if (c->count >= c->most)
+        return UNSOLVED;
+    for (size_t i = 0; i < c->unknown_count; i++)
+        l->buffer[c->unknowns[i]] = x[i];
+    for (size_t i = 0; i < l->part_count; i++) {
+        Part *p = l->parts + i;
+        mark(l, COMPONENT, p->number + 1);
+        l->part = i;
+        l->time = p->begins;
+        int failed = renew(l, p, c->count > 0);
+        if (failed)
+            return failed;
+        c->begun += c->count == 0;
+        p->warnings = p->warned;
+        failed = step(l, p);
+        end(l, p);
+        if (failed)
+            return failed;
+    }
+    c->count++;
+    for (size_t i = 0; i < c->unknown_count; i++)
+        r[i] = (l->buffer[c->unknowns[i]] - x[i]) / c->nominals[i];
+    return DONE;
+}
+
+static bool is_solved(const Cycle *c, const double *x, const double *r, const double *limits)
+{
+    for (size_t i = 0; i < c->unknown_count; i++)
+        if (!(fabs(r[i]) <= limits[i] && fabs(x[i] / c->nominals[i]) * c->rounding <= limits[i]))
+            return false;
+    return true;
+}
+
+/* Knows from now on that r changes by dr where x changes by dx; `known` are `count` directions of dr. */
+static void learn(Cycle *c, double *known, size_t *count, const double *dx, const double *dr)
+{
+    size_t n = c->unknown_count;
+    if (*count >= n)
+        *count = 0;
+    double *one = known + *count * n;
+    memcpy(one, dr, n * sizeof *one);
+    for (const double *old = known; old < one; old += n)
+        add(one, one, old, -dot(old, one, n) / dot(old, old, n), n);
+    if (dot(one, one, n) <= c->parallel * dot(dr, dr, n)) {
+        *count = 0;
+        memcpy(one = known, dr, n * sizeof *one);
+    }
+    double size = dot(one, one, n);
+    if (!(size > 0.0 && isfinite(size)))
+        return;
+    ++*count;
+    for (size_t i = 0; i < n; i++) {
+        double *row = c->inverse + i * n;
+        add(row, row, one, (dx[i] - dot(row, dr, n)) / size, n);
+    }
+}
+
+static int search(Cycle *c)
+{
+    size_t n = c->unknown_count, count = 0;
+    double *x = c->space, *r = x + n, *next = r + n, *found = next + n, *dx = found + n, *dr = dx + n, *limits = dr + n;
+    for (size_t i = 0; i < n; i++) {
+        x[i] = c->loop->buffer[c->unknowns[i]];
+        double value = fabs(x[i] / c->nominals[i]);
+        limits[i] = c->tolerance * (value > 1.0 ? value : 1.0);
+    }
+    int failed = evaluate(c, x, r);
+    for (int64_t since = 0; !failed && !is_solved(c, x, r, limits); since++) {
+        if (since > c->patience)
+            return UNSOLVED;
+        for (size_t i = 0; i < n; i++)
+            next[i] = x[i] + c->nominals[i] * -dot(c->inverse + i * n, r, n);
+        failed = evaluate(c, next, found);
+        if (failed)
+            break;
+        for (size_t i = 0; i < n; i++)
+            dx[i] = (next[i] - x[i]) / c->nominals[i];
+        add(dr, found, r, -1.0, n);
+        learn(c, limits + n, &count, dx, dr);
+        memcpy(x, next, n * sizeof *x);
+        memcpy(r, found, n * sizeof *r);
+    }
+    return failed;
+}
+
+/* Lets a loop step until it is solved. What failed, or DONE; what failed leaves the buffer as it was. */
+EXPORT int solve(Cycle *c)
+{
+    memcpy(c->before, c->loop->buffer, c->size * sizeof *c->before);
+    c->count = 0;
+    c->begun = 0;
+    c->loop->clock = now();
+    int failed = search(c);
+    if (failed)
+        memcpy(c->loop->buffer, c->before, c->size * sizeof *c->before);
+    return failed;
 }

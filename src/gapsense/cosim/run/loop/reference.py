@@ -7,17 +7,17 @@ from collections.abc import Callable
 from gapsense.cosim.run.control import controlled
 from gapsense.cosim.run.part import Advance, Work
 from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STEP, STOP
-from gapsense.cosim.run.turns import Turns
+from gapsense.cosim.run.turns import Solver, Turns
 from gapsense.cosim.scenario.records import JACOBI, reporter
 
 Do = Callable[[int], None]
 
 
-def in_python(work: Work) -> Advance:
-    """Function that does base steps."""
+def in_python(work: Work, solver: Solver | None = None) -> Advance:
+    """Function that does base steps; the solver does what C can do of loops."""
     if work.experiment.step_control is not None:
-        return controlled(work, recorder(work))
-    play, turns, record = work.player.into(work.buffer), Turns(work), recorder(work)
+        return controlled(work, recorder(work), solver)
+    play, turns, record = work.player.into(work.buffer), Turns(work, solver=solver), recorder(work)
     exchange = turns.exchange if work.experiment.method == JACOBI else None
     marks, done, has_news = work.marks, work.begin - 1, reporter(work.watches, work.buffer)
 
