@@ -30,6 +30,7 @@ CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is n
 APART = 0.12  # of the reluctance of a seated mover: beyond this, and what noise may add, it has not arrived in time
 BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
+SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 CORE, BEYOND = 0.4, 0.66  # share of a bend that makes it the core's; a bend that is a hit for all that [m/s]
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 FOLLOW = 0.1  # share by which that follows a mover that seems farther away
@@ -104,7 +105,13 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     slope, _ = gap_slopes(m.gap.smallest, m)
     seated = _reluctance(state, landing, par)
     growth = (_reluctance(state, later, par) - seated) / where(more > RISEN, more, 1.0)
-    is_kept = is_kept & (more > RISEN) & (heard.hardest < BEYOND) & (_reluctance(state, hit, par) < seated)
+    is_kept = (
+        is_kept
+        & (more > RISEN)
+        & (heard.hardest < BEYOND)
+        & (running.speed < SLOW * par.approach_first)
+        & (_reluctance(state, hit, par) < seated)
+    )
     return is_kept & (growth * bend > CORE * slope * heard.hardest)
 
 
