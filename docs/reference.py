@@ -104,6 +104,8 @@ def row(key: Key) -> str:
     value = " or ".join(f"`{choice}`" for choice in key.choices) or key.kind.name
     if len(key.choices) > 4:
         value = "one of those below"
+    if key.unit:
+        value = f"{value} [{key.unit}]"
     return f"| `{key.name}` | {value} | {without(key)} | {key.what} |"
 
 

@@ -139,6 +139,15 @@ def natives(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def quickest(request: pytest.FixtureRequest) -> Path:
+    """FMUs for tests that any will do for: native ones, or Python ones where there is no compiler."""
+    try:
+        return Path(request.getfixturevalue("natives"))
+    except pytest.skip.Exception:
+        return Path(request.getfixturevalue("fmus"))
+
+
+@pytest.fixture(scope="session")
 def everywhere(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The native FMUs for all platforms; likewise those in the folder `GAPSENSE_RELEASED`."""
     if zig_version() != ZIG:

@@ -1265,6 +1265,12 @@ class Mhe(Runnable):
         Flux linkage of saturation lambda_sat.
     core_bend : float [1/H], at least 0, by default 0.0
         K of the core R_c0 + K x^2/(1 - x^2), x = flux linkage/saturation; 0: R_c0/(1 - x).
+    core_exponent : float, at least 0, by default 0.0
+        Power n of a sharper knee b m^n, as `commission` finds it; 0: none.
+    core_sharp_reluctance : float [1/H], at least 1e-09, by default 1000000.0
+        With core.exponent: core.reluctance.
+    core_sharp_bend : float [1/H], at least 1e-09, by default 1000000.0
+        With core.exponent: core.bend, b N^2 / core.saturation.
     gap_law : str, one of fringing, table, by default 'fringing'
         Reluctance of the gap: fringing, table.
     gap_reluctance : float [1/H], by default 0.0
@@ -1454,6 +1460,9 @@ class Mhe(Runnable):
         core_reluctance: float = ...,
         core_saturation: float = ...,
         core_bend: float = ...,
+        core_exponent: float = ...,
+        core_sharp_reluctance: float = ...,
+        core_sharp_bend: float = ...,
         gap_law: str = ...,
         gap_reluctance: float = ...,
         gap_slope: float = ...,

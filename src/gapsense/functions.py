@@ -60,7 +60,7 @@ class Found:
     notes: Sequence[str] = ()  # about the record, and what was left out
     files: Sequence[Path] = ()  # that were written
     drawn: Callable[[], Figure] | None = None
-    kept: Any = None  # a folder that lives as long as this
+    kept: Any = None  # a folder that is removed with this object
 
     def __str__(self) -> str:
         from gapsense.report.table import text
@@ -568,7 +568,7 @@ def named(file: File | None) -> Path | None:
 
 
 def checked(figure: File | None) -> Path | None:
-    """A file that a figure can be written to, before a long run."""
+    """A file name that a figure can be written to; checked before a long run."""
     if figure is not None:
         from gapsense.report import plot
 
@@ -578,7 +578,7 @@ def checked(figure: File | None) -> Path | None:
 
 @contextmanager
 def files(data: Data) -> Iterator[list[Path]]:
-    """Records as files: those that are named, and arrays in a folder that is then removed."""
+    """Records as files: those that are named, and arrays in a temporary folder."""
     several = [data] if isinstance(data, (str, Path, Mapping)) else [*data]
     with TemporaryDirectory() as folder:
         yield [
@@ -605,7 +605,7 @@ def arrays(columns: Mapping[str, Any], file: Path) -> Path:
 
 @contextmanager
 def set_file(out: File | None) -> Iterator[tuple[Path, TemporaryDirectory[str] | None]]:
-    """Where a parameter set is written: the file that was asked for, or one in a folder that lives as long as it."""
+    """Where a parameter set is written: the file that was asked for, or one in a temporary folder."""
     if out is not None:
         yield Path(out), None
     else:

@@ -50,7 +50,7 @@ def code(file: str | Path) -> Iterator[None]:
     """Errors of what a component's author wrote in `file`, or in what it imports, become a CodeError."""
     try:
         yield
-    except CodeError:  # of another component, whose table this one takes
+    except CodeError:  # an error of another component, whose table this one uses
         raise
     except Exception as error:
         place, text = place_of(error) or str(file), " ".join(str(error).split())

@@ -231,7 +231,7 @@ class Runnable:
 
     @cached_property
     def _usual(self) -> tuple[Any, Any]:
-        """Of its own parameters, what `_prepared` makes of them."""
+        """What `_prepared` makes of the component's own parameters."""
         return self._prepared(self._values)
 
     @cached_property
@@ -314,7 +314,7 @@ class Runnable:
         return np.frombuffer(found).reshape(count, -1).T
 
     def _prepared(self, values: Mapping[str, Any]) -> tuple[Any, Any]:
-        """Flat parameters, and what a step needs of them."""
+        """Flat parameters, and the constants that a step needs of them."""
         scalar = self.kernel.scalar
         par = tuple(values[name] for name in names(self.kernel.module.Parameters))
         return par, scalar["constants"](par)
@@ -349,7 +349,7 @@ def _outputs_of(name: str, outputs: tuple[str, ...]) -> Any:
 
 
 def failing() -> Any:
-    """What words FMUs find; with pythonfmu, which nobody needs whose values are fine."""
+    """The module with the sentences of FMUs; it needs pythonfmu, and is not loaded while all values are fine."""
     from gapsense.fmi import failing
 
     return failing

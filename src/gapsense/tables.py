@@ -42,12 +42,13 @@ class Key(NamedTuple):
     default: Any = None
     required: bool = False
     choices: tuple[str, ...] = ()
-    otherwise: str = ""  # what holds without it, where no default tells
+    otherwise: str = ""  # what holds without it, if there is no default
     section: Section | None = None
     pattern: str = ""  # of free names
     is_dotted: bool = False  # free names with dots, which may be written as tables too
-    is_other: bool = False  # another way than that of its neighbours, so that examples leave it out
+    is_other: bool = False  # an alternative to its neighbours; examples leave it out
     is_path: Callable[[str, str], bool] | None = None  # of a name and its text: relative to the file it stands in
+    unit: str = ""
 
 
 class Section(NamedTuple):
@@ -125,6 +126,23 @@ BOUNDS = Kind(
     is_span,
     {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
 )
+TYPES = {  # by their names in tables of keys
+    "number": NUMBER,
+    "positive": POSITIVE,
+    "not_negative": NOT_NEGATIVE,
+    "count": COUNT,
+    "index": INDEX,
+    "truth": TRUTH,
+    "text": TEXT,
+    "number_or_text": NUMBER_OR_TEXT,
+    "scalar": SCALAR,
+    "texts": TEXTS,
+    "numbers": NUMBERS,
+    "list": LIST,
+    "bounds": BOUNDS,
+    "table": TABLE,
+    "tables": TABLES,
+}
 
 
 def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:

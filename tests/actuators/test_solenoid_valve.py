@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from relay import RELAY
 
 from gapsense.actuators import solenoid_valve as valve
-from gapsense.actuators import valve_steps
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import over_runs
 from gapsense.kernels.layout import flat
@@ -67,7 +66,7 @@ def test_energy_balance_closes_through_impacts(kernel, law, tolerance):
 
 
 def test_order_is_four_through_release_and_impact(monkeypatch, square, run):
-    monkeypatch.setattr(valve_steps, "FINENESS", 1e9)  # or the steps of the saturated coil would not be halved
+    monkeypatch.setattr(valve, "FINENESS", 1e9)  # or the steps of the saturated coil would not be halved
     fixed, times = Kernel(valve), np.array([1.0e-3, 2.5e-3, 4e-3, 12.5e-3, 14e-3, 15.5e-3])
 
     def states(micro_step):

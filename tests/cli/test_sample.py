@@ -39,7 +39,8 @@ def test_a_file_of_that_name_comes_first(tmp_path):
     assert record("sample_valve.csv") == Path("sample_valve.csv")
 
 
-def test_sample_gives_the_valve_and_its_position(gapsense, fmus):
+@pytest.mark.slow
+def test_sample_gives_the_valve_and_its_position(gapsense, quickest):
     """Three commands in an empty folder; positions are held against the simulated ones."""
     seen = gapsense("inspect", "sample_valve.csv")
     assert seen.exit_code == 0 and "ready" in seen.stdout and "with care" not in seen.stdout
@@ -50,8 +51,8 @@ def test_sample_gives_the_valve_and_its_position(gapsense, fmus):
     assert not assumed
     for name in FITTED:
         assert found[name] == pytest.approx(getattr(MAKER["VALVE"], BY_NAME[name].field), rel=0.01), name
-    options = ("--parameters", "mine.toml", "--estimator", "bounded_ukf,mhe", "--fmus", fmus, "--out", "estimates.csv")
-    assert gapsense("estimate", "sample_valve.csv", *options).exit_code == 0
+    options = ("--parameters", "mine.toml", "--estimator", "bounded_ukf,mhe", "--out", "estimates.csv")
+    assert gapsense("estimate", "sample_valve.csv", *options, "--fmus", quickest).exit_code == 0
     estimates, true = read_columns(Path("estimates.csv")), MAKER["simulated"](MAKER["RECORDS"]["sample_valve"])[1]
     errors = {name: np.sqrt(np.mean((estimates[f"{name}.position"] - true) ** 2)) for name in ("BoundedUkf", "Mhe")}
     assert errors["BoundedUkf"] < 3e-6 and errors["Mhe"] < 30e-6, errors

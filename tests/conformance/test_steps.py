@@ -29,17 +29,20 @@ def test_sizes_and_times_that_are_none(subject: Subject, one: Instance) -> None:
         refused_step(one, time, size, say("step_size", repr(told)))
 
 
-HUGE = [pytest.param((size,), marks=pytest.mark.slow) for size in (1e3, 1e9)]  # an actuator divides it up: a minute
+HUGE = [pytest.param((size,), marks=pytest.mark.slow) for size in (1e3, 1e9)]  # an actuator divides it up: seconds
+MINUTES = ("PlayActuator", "ReluctanceActuator", "TableActuator")  # in Python; natively they are tried as all others
 
 
 @pytest.mark.parametrize("sizes", [(1e-300, 1e-30, 1e-15, 0.02), *HUGE])
 def test_tiny_and_huge_steps_are_taken_or_refused(subject: Subject, one: Instance, sizes: tuple[float, ...]) -> None:
     """Sampled components take whole multiples and fractions alone; outputs stay finite in any case.
 
-    An actuator makes as many micro-steps of 1e3 s as of 1e9 s, the most that it makes: in Python only those of 1e9 s.
+    An actuator makes as many micro-steps of 1e3 s as of 1e9 s, the most that it makes: in Python only those of 1e9 s,
+    and not those of the three that take a minute each for what the others show, that the loop ends.
     """
-    if sizes == (1e3,) and subject.kind == "python" and not subject.period:
-        pytest.skip("as many micro-steps as of 1e9 s")
+    is_slow = sizes == (1e3,) or (sizes == (1e9,) and subject.component.name in MINUTES)
+    if subject.kind == "python" and not subject.period and is_slow:
+        pytest.skip("the micro-steps of others, or of 1e9 s, are as many")
     for size in sizes:
         if subject.period:
             size = {0.02: 100.0, 1e3: 1000.0, 1e9: 10000.0}.get(size, size / subject.period) * subject.period

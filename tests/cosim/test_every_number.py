@@ -156,7 +156,7 @@ def numeric(section: Section) -> set[str]:
         kind = schema["items"]["type"] if "items" in schema else schema.get("type")
         found |= {key.name} if isinstance(kind, str) and kind in NUMERIC else set()
     for key in (*section.keys, *((section.free,) if section.free else ())):
-        found |= numeric(key.section) if key.section and key.section is not keys.VARIANTS else set()
+        found |= numeric(key.section) if key.section and key.section is not keys.SECTIONS["variants"] else set()
     return found
 
 

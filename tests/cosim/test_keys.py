@@ -8,8 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from gapsense.cosim.scenario import read as load_sections
-from gapsense.cosim.scenario.keys import FILE
+from gapsense.cosim.scenario.keys import FILE, SECTIONS
 from gapsense.cosim.scenario.read import read_draft
+from gapsense.cosim.scenario.records import Experiment, Tolerance
 from gapsense.parameters import PARAMETER_SET, read_parameters
 from gapsense.tables import TABLES, Key, Section, Table
 
@@ -56,6 +57,13 @@ def test_example_and_default_of_a_key_are_of_its_kind(item):
     assert not key.choices or example(key) in key.choices
     assert key.default is None or key.kind.accepts(key.default)
     assert key.name.startswith("<") or sum((key.default is not None, key.required, bool(key.otherwise))) == 1
+
+
+@pytest.mark.parametrize(("name", "record"), [("experiment", Experiment(0.0, 1.0, 1.0, 1)), ("baseline", Tolerance())])
+def test_defaults_of_the_table_are_those_of_the_record(name, record):
+    told = {key.name: key.default for key in SECTIONS[name].keys if key.default is not None}
+    made = {key: getattr(record, key) for key in told if hasattr(record, key)}
+    assert made == {key: told[key] for key in made} and len(made) >= 3
 
 
 def text_with(section: Section, lines: str) -> str:

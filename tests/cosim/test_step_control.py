@@ -5,7 +5,8 @@ import pytest
 from test_every_number import CONTROL, FEW
 from test_iterate import exact, masses, same
 
-from gapsense.cosim import Checkpoint, FmuError, check, read_result, run
+from gapsense import converge
+from gapsense.cosim import Checkpoint, FmuError, ScenarioError, check, read_result, run
 from gapsense.report import runs
 
 STIFF, STOP = 1e3, 0.5
@@ -85,6 +86,11 @@ def test_steps_keep_to_their_limits(write, coupled_2):
     assert result.run.steps.shortest == 4 * 0.00025 and result.run.steps.longest == 8 * 0.00025
 
 
+def test_halving_the_base_step_tells_nothing_of_steps_that_are_controlled(write, coupled_2):
+    with pytest.raises(ScenarioError, match="Compare with a run in which it is smaller"):
+        converge(write(controlled(1e-2)), fmus=coupled_2)
+
+
 def test_event_by_a_condition_is_where_it_is_with_steps_that_are_all_short(write, coupled_2):
     """Long steps would step over it: they are done again, down to a base step."""
     text = controlled(1e-3, "iterative", stop=0.064) + PUSH + '[events.push.when]\nsignal = "mass.x"\nbelow = 0.0095\n'
@@ -119,7 +125,8 @@ def test_steps_that_a_component_fails_of_are_shorter(write, coupled_2):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("decimation = 64", "decimation = 1", "a step ends at every row, and each base step has one"),
+        ("decimation = 64", "decimation = 1", "have to fit between rows, and `decimation` in `[record]` is 1"),
+        ("shortest_step = 1\nlongest_step = 9", "shortest_step = 33", "= 33 have to fit between rows"),
         ("shortest_step = 1", "shortest_step = 10", "9 found, at least `shortest_step` = 10"),
         ("step_control = 0.001", "", "longest_step: it is for steps that are controlled"),
         ("step_control = 0.001", "step_control = 0.0", "experiment.step_control: "),

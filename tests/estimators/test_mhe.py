@@ -117,9 +117,12 @@ def test_one_window_per_command() -> None:
     assert errors(found, s, START + 2 * CYCLE).causal < 10.0
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
+@pytest.mark.parametrize("seed", [15, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 22))])
 def test_windows_that_cannot_be_solved_are_given_up(seed: int) -> None:
-    """Currents that no motion explains: what was known stays, and the health is good again with the next motions."""
+    """Currents that no motion explains: what was known stays, and the health is good again with the next motions.
+
+    4 of 30 seeds, 15 and 22 among them, went back to what garbage had taught, for good; none of 100 others does now.
+    """
     s, given_up = plant(), []
     garbage = np.random.default_rng(seed).choice([-2.0, 2.0], 4 * s.current.size)
     voltage, current = np.tile(s.voltage, 7), np.r_[garbage, np.tile(noisy(s), 3)]

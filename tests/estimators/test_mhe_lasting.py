@@ -178,6 +178,16 @@ def test_a_fault_is_told_in_its_first_operation(fault: str) -> None:
     assert np.all(says(found, readings.INNOVATION)[is_wrong] == (found["health"][is_wrong] == 0.0))
 
 
+def test_an_upper_stop_that_is_lower_is_told_in_its_first_opening() -> None:
+    """With little flux to be seen by: that opening and the rest after it were silent, 16 % of four openings."""
+    seed, starts = 3, irregular(3, 33)
+    s = faulty(25, 33, 0, 27.0, starts, stop_upper=RTS_VALVE.stop_upper - 0.3 * STROKE)
+    found = run(blind(), rows(with_noise(s.voltage, seed), s.current))
+    is_wrong = (np.abs(found["position"] - s.position) > 100e-6) & (np.arange(s.mode.size) >= starts[25])
+    assert is_wrong.sum() > 1500 and np.mean(found["health"][is_wrong]) < 0.02
+    assert np.all(found["health"][starts[6] : starts[25]] == 1.0)
+
+
 @pytest.mark.parametrize("fault", ONE_WAY)
 def test_a_fault_that_shows_in_one_direction_stays_told(fault: str) -> None:
     """Closings looked fine, and `health` was 1 where the openings after them began: 20 and 35 % of the wrong time."""

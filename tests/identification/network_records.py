@@ -59,7 +59,7 @@ def write(file: Path, gaps: np.ndarray, fluxes: np.ndarray, law: Callable[[float
 
 
 class Magnet(NamedTuple):
-    """A stroke, a spring for it, and how long it is switched on and off."""
+    """A stroke, a spring for it, and how long it is switched on and off; stops without stiffness are hard."""
 
     stroke: float = 4.75e-3
     stiffness: float = 250.0
@@ -76,7 +76,8 @@ class Magnet(NamedTuple):
         return _table(upper)._replace(
             coil_resistance=10.0, coil_turns=TURNS, core_eddy_conductance=4.4e-3 * TURNS**2, mover_mass=16e-3,
             spring_stiffness=self.stiffness, spring_rest=self.rest, damping=0.2, stop_lower=0.25e-3, stop_upper=upper,
-            stop_law=1.0, stop_stiffness=self.stop, stop_damping=self.bounce, initial_position=upper,
+            stop_law=float(self.stop > 0.0), stop_stiffness=self.stop, stop_damping=self.bounce,
+            stop_restitution=0.0 if self.stop else self.bounce, initial_position=upper,
         )  # fmt: skip
 
     @property

@@ -77,7 +77,7 @@ def test_a_record_of_the_model_gives_its_parameters_back(found):
 def test_a_value_that_ends_at_a_limit_is_told_and_no_position_is_called_certain(found):
     """True eddy currents are 7400 times the guess; the search goes as far as a thousand times."""
     lossy = TRUE._replace(core_eddy=7.4e-3)
-    result = fit.commission([record(par=lossy)], BELIEVED._replace(core_eddy=1e-6))
+    result = fit.commission([record(par=lossy, samples=1100)], BELIEVED._replace(core_eddy=1e-6))
     said = " ".join(file.remarks(result, fit.with_bend(BELIEVED)))
     assert "core_eddy" in result.at_limit and "`core.eddy` ends at a limit of the search: 1 mS" in said
     assert not result.is_explained and "the model is another one" in said and "certain to" not in said

@@ -1,7 +1,8 @@
-"""A magnet of another's network that bounces on elastic stops: what `commission` learns of it beyond the usual model.
+"""A magnet of another's network that bounces: what `commission` learns of it beyond the usual model.
 
-The doubt about the gap law was chosen with seed 1 and stops of 4 MN/m.  Seeds 3, 4 and 11 with other stops, springs and
-beliefs judged, each once.
+The doubt about the gap law was chosen with seeds 1 and 12, what counts as left with seed 21 and stops of 4 MN/m.  Seeds
+3, 4, 11, 13 and 14 with other stops, springs and beliefs judged, each once; but 14 twice, for it showed that no form of
+the model may be left out.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from c_code import driven
 from network_records import FINE, LONG, SHORT, TURNS, measured, run, write
 
 from gapsense.actuators import table_actuator
+from gapsense.estimators.mhe import model as mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.identification.actuator import fit
 from gapsense.identification.actuator.drive import read_excitation
@@ -28,11 +30,15 @@ def near(magnet):
     """Values near those of a magnet, and what `Mhe` has not."""
     plant = magnet.plant
     known = magnet.known._replace(**NEAR, mover_mass=plant.mover_mass, spring_stiffness=plant.spring_stiffness)
-    return known, Beyond(KNEE, magnet.stop, magnet.bounce)
+    known = known._replace(stop_restitution=plant.stop_restitution)
+    return known, Beyond(KNEE, magnet.stop, magnet.bounce if magnet.stop else 0.0)
 
 
-@pytest.mark.parametrize("magnet", [SHORT, LONG._replace(half=40e-3, stop=1e6)])
-def test_model_with_knee_and_elastic_stops_is_the_plant_of_its_table(magnet, tmp_path):
+HARD = LONG._replace(half=40e-3, stop=0.0, bounce=0.5)
+
+
+@pytest.mark.parametrize("magnet", [SHORT, LONG._replace(half=40e-3, stop=1e6), HARD], ids=["short", "long", "hard"])
+def test_model_with_knee_and_stops_that_bounce_is_the_plant_of_its_table(magnet, tmp_path):
     """Through a closing with its bounces, by steps of 10 us."""
     known, beyond = near(magnet)
 
@@ -49,7 +55,12 @@ def test_model_with_knee_and_elastic_stops_is_the_plant_of_its_table(magnet, tmp
     u = np.r_[np.zeros(200), np.full(n, 12.0)]
     i, z = driven(table_actuator, magnet.plant._replace(**maps), u, FINE, "current", "position").T
     found = fit.run(known._replace(sample_time=FINE), [0.0, *u[:-1].tolist()], beyond)
-    bounces = np.count_nonzero(np.diff(np.sign(z - magnet.plant.stop_lower)) > 0)
+    inside = z > magnet.plant.stop_lower
+    bounces = (
+        np.count_nonzero(inside[1:] & ~inside[:-1])
+        if magnet.stop
+        else np.count_nonzero(np.diff(np.sign(np.diff(z))) > 0)
+    )
     assert bounces >= 3
     assert np.sqrt(np.mean((found[:, 2] - z) ** 2)) < 2e-6 and np.sqrt(np.mean((found[:, 0] - i) ** 2)) < 1e-3
 
@@ -67,7 +78,7 @@ def test_without_a_spring_the_mover_begins_where_it_is_told():
 def concluded():
     """What a point says that is near the truth, without a search."""
     (record, _), (known, beyond) = measured(SHORT, pulses=1, seed=3), near(SHORT)
-    p = fit.with_more(fit.Problem(known, [*fit.DEVIATIONS], [read_excitation(record, known)]), fit.STOPS)
+    p = fit.with_more(fit.Problem(known, [*fit.DEVIATIONS], [read_excitation(record, known)]), (*fit.KNEE, *fit.STOPS))
     p = p._replace(known=known, beyond=beyond)
     return fit.conclude(p, np.zeros(p.deviations.size), 0), known
 
@@ -84,23 +95,39 @@ def test_the_set_has_the_stops_and_the_nearest_knee_of_the_estimators(concluded,
     m = lam / par.core_saturation
     bent = lam / TURNS**2 * (par.core_reluctance + par.core_bend * m**2 / (1.0 - m**2))
     sharp = (lam / known.core_saturation) ** (KNEE - 1.0)
-    assert np.abs(bent - lam / TURNS**2 * (known.core_reluctance + known.core_bend * sharp)).max() < 12e-3
-    assert 2e-3 < par.model_error < 8e-3 and {"stop.stiffness", "stop.damping", "core.saturation"} <= set(errors)
+    static = lam / TURNS**2 * (known.core_reluctance + known.core_bend * sharp)
+    assert np.abs(bent - static).max() < 12e-3
+    m = mhe.model(par, mhe.device(par))  # that of `Mhe` has the knee itself
+    assert [mhe.core(x, m.d, m.exponent)[1] * m.d.knee + m.d.core * x for x in lam] == pytest.approx(static, rel=1e-6)
+    assert par.model_error < 2e-3 and {"stop.stiffness", "stop.damping", "core.saturation"} <= set(errors)
     assert 0.0 < errors["core.saturation"] < 0.01 * par.core_saturation
     said = " ".join(remarks(result, known))
-    assert "a knee b m^12.7 of the core and elastic stops" in said
+    assert "a knee b m^12.7 of the core; elastic stops" in said
 
 
 @pytest.mark.slow
-def test_a_magnet_that_bounces_is_explained_within_a_hundredth_of_its_stroke():
-    """At voltages of no record too; mass and spring within two stated errors. It left 98 % after the landing."""
-    magnet = SHORT._replace(stop=2e6, bounce=0.7)
-    result = fit.commission([measured(magnet, seed=11)[0]], magnet.known)
-    assert result.is_explained and result.beyond.contact_stiffness > 0.0 and not result.at_limit
+@pytest.mark.parametrize(
+    ("magnet", "seed"),
+    [
+        (SHORT._replace(stop=2e6, bounce=0.7), 11),  # it left 98 % after the landing
+        (LONG._replace(stop=5e6, bounce=3.0, half=120e-3), 14),  # it was explained, and 2.8 % off
+        (SHORT._replace(stop=0.0, bounce=0.35), 13),
+    ],
+    ids=["elastic", "damped", "hard"],
+)
+def test_a_magnet_that_bounces_is_explained_within_a_hundredth_of_its_stroke(magnet, seed):
+    """At voltages of no record too; mass and spring within two stated errors."""
+    result = fit.commission([measured(magnet, seed=seed)[0]], magnet.known)
+    assert result.is_explained and not result.at_limit
+    if magnet.stop:
+        assert result.beyond.contact_stiffness > 0.0 and result.parameters.stop_restitution == 0.0
+    else:
+        assert result.beyond.contact_stiffness == 0.0
+        assert result.parameters.stop_restitution == pytest.approx(magnet.bounce, abs=0.03)
     for volts in (10.0, 14.0):
         u, _, z = run(magnet._replace(volts=volts), 1).T
         found = fit.run(result.parameters._replace(sample_time=FINE), [0.0, *u[:-1].tolist()], result.beyond)
         assert np.sqrt(np.mean((found[:, 2] - z) ** 2)) < 0.01 * magnet.stroke
     for name in ("mover_mass", "spring_stiffness"):
         off = np.log(getattr(result.parameters, name) / getattr(magnet.plant, name))
-        assert abs(off) < 2.0 * result.errors[name] < 0.1, name
+        assert abs(off) < 2.0 * result.errors[name] < 0.15, name

@@ -14,18 +14,18 @@ SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
 @pytest.fixture(scope="session")
-def valve(fmus: Path) -> Result:
+def valve(quickest: Path) -> Result:
     """The scenario of the valve."""
-    return run(SCENARIOS / "semera_valve", fmus=fmus)
+    return run(SCENARIOS / "semera_valve", fmus=quickest)
 
 
 @pytest.fixture(scope="session")
-def relay(fmus: Path) -> Result:
+def relay(quickest: Path) -> Result:
     """The scenario of the relay."""
-    return run(SCENARIOS / "semera_relay", fmus=fmus)
+    return run(SCENARIOS / "semera_relay", fmus=quickest)
 
 
 @pytest.fixture(scope="session")
-def magnet(fmus: Path) -> Result:
+def magnet(quickest: Path) -> Result:
     """The scenario of the pot magnet, when it is switched off."""
-    return run(SCENARIOS / "pot_magnet", "off", fmus)
+    return run(SCENARIOS / "pot_magnet", "off", quickest)

@@ -1,14 +1,16 @@
 """Our components in loops that are iterated: the same bits of every kind of FMU, and no loop changes nothing."""
 
 import platform
+import re
 import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from gapsense.cosim import Master, prepare, run, run_once
+from gapsense.cosim import Checkpoint, Master, prepare, run, run_once
 from gapsense.cosim.run.recording import Subject
 from gapsense.page.page import refuse_unfit
 from gapsense.problems import ScenarioError
@@ -69,6 +71,33 @@ def test_valve_in_a_loop_gives_the_same_bits_as_every_kind_of_fmu(folder, fmus, 
     for other in results[1:]:
         assert all(first[name].tobytes() == other[name].tobytes() for name in first.signals)
         assert first.run.loops == other.run.loops
+
+
+def test_steps_are_controlled_where_edges_divide_them(tmp_path, natives):
+    """With the edge recorded, which has no error; apart and resumed in the middle with the same bits."""
+    path = shutil.copytree(ROOT / "scenarios" / "power_stage", tmp_path / "stage") / "scenario.toml"
+    text = path.read_text().replace("stop = 20e-3", "stop = 2.4e-3").replace("[record]", "[record]\ndecimation = 20")
+    text = re.sub(r"(?ms)^\[(baseline|metrics|variants).*?(?=^\[|\Z)", "", text).replace(
+        '"stage.gate",', '"stage.edge",'
+    )
+    path.write_text(text)
+    fixed = run(path, fmus=natives)
+    path.write_text(text.replace("base_step", "step_control = 1e-3\nbase_step"))
+    here, there = run(path, fmus=natives), run(path, fmus=natives, isolation="process")
+    assert np.abs(here["valve.current"] - fixed["valve.current"]).max() < 2e-5
+    assert here.run.steps.done < 60 and here.run.steps.beyond == 0 and here.run.steps.of != "stage.edge"
+    checkpoint, halted = Checkpoint(tmp_path / "saved", 0.4e-3), []
+
+    def halt(done, count):
+        if done >= 70 and not halted:
+            halted.append(done)
+            raise KeyboardInterrupt
+
+    assert run(path, fmus=natives, progress=halt, checkpoint=checkpoint).interrupted
+    resumed = run(path, fmus=natives, checkpoint=replace(checkpoint, resume=True))
+    for other in (there, resumed):
+        assert all(here[name].tobytes() == other[name].tobytes() for name in here.signals)
+        assert (here.run.steps, here.run.loops) == (other.run.steps, other.run.loops)
 
 
 def test_delayed_connection_without_a_loop_gives_the_bits_of_gauss_seidel(fmus):

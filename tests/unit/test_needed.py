@@ -8,7 +8,8 @@ from typing import Annotated, Any, NamedTuple
 import pytest
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
-from gapsense.kernels.emit import C, Graph, Python, namespace, needed
+from gapsense.embedded.design import needed
+from gapsense.kernels.emit import C, Graph, Python, namespace
 from gapsense.kernels.kernel import trace
 from gapsense.kernels.layout import Array, Memory, flat, names, zeros
 from gapsense.kernels.trace import load, loop, store

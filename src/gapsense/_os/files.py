@@ -211,16 +211,17 @@ def ragged(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> li
 
 
 def more(path: Path, count: int, what: str) -> list[str]:
-    """A sentence on the problems of one kind that were not told one by one, if there are any."""
+    """A sentence that counts the problems of one kind which were not listed one by one, if there are any."""
     return [f"{path}: {count - SHOWN} more {what}."] if count > SHOWN else []
 
 
 def read_columns(
     path: Path, units: Mapping[str, str] | None = None, content: bytes | None = None
 ) -> dict[str, npt.NDArray[np.float64]]:
-    """Columns of a CSV file by name, without the units in its heads; an InputError has all that is wrong with it.
+    """Columns of a CSV file by name, without the units in its heads.
 
-    A column with another unit than that in `units` is refused, nothing is converted; one without a unit is taken.
+    A column with another unit than that in `units` is refused; nothing is converted. One without a unit is accepted.
+    The InputError lists all that is wrong.
     """
     import numpy as np  # here, so that what needs no arrays starts fast
 
@@ -358,7 +359,7 @@ def unfit(name: str, foreign: frozenset[str] = FOREIGN) -> str:
 
 
 def mask() -> int:
-    """Rights that new files do not get, which temporary ones do not follow by themselves."""
+    """Rights that new files do not get; temporary files do not respect them by themselves."""
     os.umask(found := os.umask(0))
     return found
 

@@ -1,4 +1,4 @@
-"""Ctrl-C as a question that is asked where it suits, instead of an exception anywhere."""
+"""Ctrl-C is counted, and the count is asked for where it suits; no exception is raised at an arbitrary place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Locks on files that end with the process that holds them, however it ends, and folders that are removed with it."""
+"""Locks on files, and folders, that are released and removed when the process that holds them ends, however it ends."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Small C libraries whose binaries for Linux are committed: compile them, or see if they belong to their sources.
+"""Small C libraries whose Linux binaries are committed: compile them, or check that they belong to their sources.
 
-Zig's C compiler (`pip install ziglang`) makes them, because it can build against an old glibc and gives the same bytes
-on every machine. Needed only after a change to C sources: each binary has a fingerprint of its own in it, by which a
+They are compiled by Zig (`pip install ziglang`), which can build against an old glibc and gives the same bytes on every
+machine. This is needed only after a change to C sources. Each binary holds a fingerprint of its sources, so that a
 stale one is noticed without a compiler.
 """
 

@@ -1,9 +1,11 @@
-"""Processes that answer requests: one that crashes or hangs takes nothing with it, and what became of it is known.
+"""Processes that answer requests. If one crashes or hangs, nothing else does, and it is known what became of it.
 
-Each ends with its input, or with the process that started it, and all that it has started ends with it.  It imports
-nothing from the working folder.  Requests and answers are lines of JSON.  The first request names a function and its
-task, and `function(task)` gives the function that answers all others.  Numbers in shared memory, its marks, say what it
-is doing, also after its end.
+Each process ends when its input ends, or when the process ends that started it. All that it has started ends with it.
+It imports nothing from the working folder.
+
+Requests and answers are lines of JSON. The first request names a function and its task: `function(task)` gives the
+function that answers all other requests. Numbers in shared memory, the marks of a process, say what it is doing, also
+after its end.
 """
 
 from __future__ import annotations
@@ -56,10 +58,10 @@ class Died(RuntimeError):
 
 
 class Process:
-    """One process, seen from the one that asks it; it does not get the terminal's Ctrl-C.
+    """One process, as the one that asks it sees it; it does not get the terminal's Ctrl-C.
 
-    With a `limit` [s], `check` ends it when it has neither answered nor changed its marks for so long. It imports the
-    modules that it is to `load` before it is asked for anything.
+    With a `limit` [s], `check` ends it if it has neither answered nor changed its marks for so long. It imports the
+    modules in `load` before it is asked for anything.
     """
 
     def __init__(
@@ -114,7 +116,7 @@ class Process:
         return json.loads(answer)
 
     def check(self) -> None:
-        """End the process if it has made no progress for longer than its limit, and what it left if it has ended."""
+        """End the process if it has made no progress for longer than its limit; clean up if it has ended."""
         if self.is_busy and self.process.poll() is not None:
             return self.kill()  # what it has started may hold the pipe on which an answer is awaited
         seen, now = bytes(self.marks), monotonic()
@@ -184,7 +186,7 @@ class Process:
 
 
 def end_descendants(folder: Path) -> None:
-    """End all processes whose environment has this folder, or one in it: a session of their own does not save them."""
+    """End all processes whose environment names this folder, or one in it, also those in a session of their own."""
     if sys.platform != "linux":
         return
     mark, own = f"{FOLDER}={folder}".encode(), os.getpid()
@@ -215,13 +217,13 @@ def mapped(file: Path) -> Marks:
 
 
 def own_marks() -> Marks | None:
-    """Marks that this process shares with the one that started it, if that is one of ours."""
+    """Marks that this process shares with the process that started it, if that is one of ours."""
     folder = os.environ.get(FOLDER)
     return mapped(Path(folder, "marks")) if folder else None
 
 
 def follow() -> None:
-    """End this process, whatever it does, when the one that started it is no more."""
+    """End this process, whatever it does, when the process ends that started it."""
     parent = os.getppid()
     while os.getppid() == parent:
         sleep(LOOK)
@@ -306,11 +308,11 @@ def send(answers: TextIO, message: Any) -> None:
 
 
 _waiting: deque[Process] = deque()
-_again: list[Sequence[str]] = []  # modules of the next one, as long as each that is taken is to be followed by another
+_again: list[Sequence[str]] = []  # modules of the next process, while each one that is taken is to be replaced
 
 
 def process(guest: Callable[..., Any] | None = None, limit: float | None = None) -> Process:
-    """A process; without a guest it is one that waits, where there is one."""
+    """A new process; without a guest one that was started before and waits, if there is one."""
     if guest is None:
         with suppress(IndexError):
             taken = _waiting.popleft()
@@ -323,9 +325,9 @@ def process(guest: Callable[..., Any] | None = None, limit: float | None = None)
 
 @contextmanager
 def ahead(*modules: str, count: int = 1, again: bool = False) -> Iterator[None]:
-    """Let the next processes start now, and `again` another one for each that is taken.
+    """Start the next processes now; with `again`, start another one for each that is taken.
 
-    Those that are left at the end are ended. A block inside of another one takes what that has.
+    Those that are left at the end are ended. A block inside another one uses the processes of the outer one.
     """
     if _waiting or _again:
         return (yield)

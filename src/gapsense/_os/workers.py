@@ -18,10 +18,10 @@ LOOK = 0.1  # seconds between two looks at the processes
 
 
 class Job(NamedTuple):
-    """What workers do: `prepare(task)`, once in each of them, gives the function from a request to its answer.
+    """What workers do: `prepare(task)` runs once in each worker, and returns the function from a request to its answer.
 
-    `on_worker_death` makes an answer of the death of a process, by its marks, and then another process goes on; without
-    it the first death ends them all. `request` makes of a number what is asked, by default the number itself.
+    If a process dies, `on_worker_death` makes an answer of its marks, and another process goes on. Without it the first
+    death ends them all. `request` makes the request for a number; by default that is the number itself.
     """
 
     prepare: Callable[[Any], Answer]
@@ -71,7 +71,7 @@ class Executor(Protocol):
 
 
 def work(executor: Executor, numbers: Iterable[int], count: int, keep: Callable[[Sequence[Entry]], None]) -> bool:
-    """Hand `count` numbers to an executor and what it answers to `keep`, as it comes; true after Ctrl-C."""
+    """Hand `count` numbers to an executor, and each answer to `keep` as it arrives. Returns True after Ctrl-C."""
     pending, answers = Pending(numbers), Answers()
     with counted() as interrupts:  # also while the workers are started and ended: none is forgotten
         try:
@@ -132,13 +132,13 @@ class Local:
             server.process.check()
 
     def end(self) -> None:
-        """End them all, at once since it takes them a while."""
+        """End them all at the same time, since each takes a while."""
         for server in self.servers:
             server.dismiss()
         for server, thread in zip(self.servers, self.threads):
             server.close()
             thread.join()
-            server.close()  # of one that the thread has started meanwhile
+            server.close()  # the thread may have started one meanwhile
 
 
 def feed(server: Server, pending: Pending, answers: Answers) -> None:

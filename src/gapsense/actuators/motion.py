@@ -1,9 +1,11 @@
 """Mover between two stops, as the hybrid automaton of [SEMERA] Fig. 2.
 
-Mode 1 rests on the stop of the smallest gap, mode 2 moves, mode 3 rests on the stop of the largest gap.  After an
-impact the mover goes back with a part of its speed, the coefficient of restitution, until it would hardly rise any
-more; without one it stays at once.  A stop is left when the net force points inward: a guard on the position would
-chatter.  Dry friction has to be overcome for that; a moving mover has all of it but at speeds of the order of `CREEP`.
+Mode 1 rests on the stop of the smallest gap, mode 2 moves, mode 3 rests on the stop of the largest gap. After an impact
+the mover goes back with a part of its speed, the coefficient of restitution, until it would hardly rise any more.
+Without restitution it stays at once.
+
+The mover leaves a stop when the net force points inward; a guard on the position would chatter. The force has to
+overcome dry friction first. On a moving mover dry friction is complete, except at speeds of the order of `CREEP`.
 """
 
 from __future__ import annotations

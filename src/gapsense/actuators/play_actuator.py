@@ -1,10 +1,10 @@
 """Reluctance actuator of another physics: hysteresis of play elements, two poles of eddy currents, the same mover.
 
-No estimator is made from it, and that is its use: what is tuned on `reluctance_actuator` is tried here.  The static
-magnetomotive force is that of a fringing gap and of a core after Froehlich.  To its current come
+No estimator is based on it, so it serves as a test of what was tuned on `reluctance_actuator`. The static magnetomotive
+force is that of a fringing gap and of a core after Froehlich. The current has two more parts:
 
-- those of three elements that follow the flux linkage up to a limit each, and no further (stop operators, the
-  complements of plays): independent of the rate, with closed minor loops;
+- three elements that follow the flux linkage up to a limit each (stop operators, the complements of plays): independent
+  of the rate, with closed minor loops;
 - two eddy currents, dj/dt = (g dlambda/dt - j) / tau: a fast and a slow pole.
 """
 
@@ -29,7 +29,8 @@ ELEMENTS = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # limits of the elements, relative to th
 
 # ports of `ReluctanceActuator`
 KNOWN = same(reluctance_actuator.Parameters)
-INPUT, OUTPUT = same(reluctance_actuator.Inputs), same(reluctance_actuator.Outputs)
+OUTPUT = same(reluctance_actuator.Outputs)
+Inputs = reluctance_actuator.Inputs
 
 
 @ports()
@@ -76,15 +77,6 @@ class State(NamedTuple):
     at: Continuous
     elements: Annotated[Array, Vector(3)]  # flux linkage by which each element is stretched [Wb]
     contact: Contact
-
-
-@ports()
-class Inputs(NamedTuple):
-    """Voltage, and the communication step that ends at `time`."""
-
-    time: Scalar  # [s]
-    dt: Scalar  # [s]
-    voltage: Scalar = INPUT
 
 
 @ports()
@@ -176,7 +168,7 @@ def _micro_step(
 
 
 def _limited(act: Actuator, dt: Scalar, lam: Scalar) -> Scalar:
-    """Step `dt`, or less where the core saturates, as in `valve_steps`."""
+    """Step `dt`, or less where the core saturates, as in `solenoid_valve`."""
     core = magnetics.core_law(lam, act.circuit)
     steepness = act.open_reluctance + square(core) / act.par.core_reluctance
     fine = FINENESS * square(act.par.coil_turns) / (act.par.coil_resistance * steepness)

@@ -1,8 +1,8 @@
 """Reluctance actuator with eddy currents, hysteresis and a fringing gap: the complete model of [RTS] Section II-A.
 
-Flux, effective field of the core (see `hysteresis`), position and velocity are integrated in micro-steps; the current
-is an algebraic output.  Inside a micro-step everything is smooth: it ends where the mover meets or leaves a stop, and
-where the domain walls of the core start or stop to move.  The voltage is held during the communication step.
+Flux, effective field of the core (see `hysteresis`), position and velocity are integrated in micro-steps. The current
+is an algebraic output. A micro-step is smooth: it ends where the mover meets or leaves a stop, and where the domain
+walls of the core start or stop to move. The voltage is held during the communication step.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ def _gap(par: Parameters) -> SmoothGap:
 
 
 def core_of(par: Any, is_saturable: Scalar = True) -> Core:
-    """The core of a plant whose parameters have these names."""
+    """The core by the parameters of a plant that have these names."""
     return make_core(
         length=par.core_length,
         area=par.core_area,

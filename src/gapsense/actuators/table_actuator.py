@@ -1,9 +1,11 @@
-"""Actuator from a table of current over gap and flux linkage, as finite elements or measurements give it.
+"""Actuator from a table of the current over gap and flux linkage, as finite elements or measurements give it.
 
-The table is a tensor spline i(lambda, h).  Its integral over the flux linkage is the energy W(lambda, h) of the field,
-and the force -dW/dh: current and force come from one potential, also between the rows, so the energy balance closes.
-Eddy currents and hysteresis come on top as in `ReluctanceActuator`: the magnetomotive force of its core, less that of
-the same core without hysteresis, which the table has already.  For mover and stops see `table_steps`.
+The table is a tensor spline i(lambda, h). Its integral over the flux linkage is the energy W(lambda, h) of the field,
+and the force is -dW/dh. So current and force come from one potential, also between the rows, and the energy balance
+closes.
+
+Eddy currents and hysteresis are added as in `ReluctanceActuator`: the magnetomotive force of its core, minus that of
+the same core without hysteresis, which is in the table already. For mover and stops see `table_steps`.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from gapsense.kernels.trace import clip, loop, where
 
 # ports of `ReluctanceActuator`
 KNOWN = same(reluctance_actuator.Parameters)
-INPUT, OUTPUT = same(reluctance_actuator.Inputs), same(reluctance_actuator.Outputs)
+OUTPUT = same(reluctance_actuator.Outputs)
+Inputs = reluctance_actuator.Inputs
 
 
 class SpringLaw(Choice):
@@ -111,15 +114,6 @@ class State(NamedTuple):
     eddy_energy: Scalar  # lost to eddy currents since the start [J]
     wall_work: Scalar  # done on the walls since the start, lost or stored [J]
     supplied_energy: Scalar  # integral of u i since the start [J]
-
-
-@ports()
-class Inputs(NamedTuple):
-    """Voltage, and the communication step that ends at `time`."""
-
-    time: Scalar  # [s]
-    dt: Scalar  # [s]
-    voltage: Scalar = INPUT
 
 
 @ports()

@@ -1,14 +1,14 @@
 """One micro-step of the actuator from a table: flux, core and motion, up to the next switch.
 
-Inside a micro-step everything is smooth.  It ends where
+Inside a micro-step everything is smooth. It ends where
 
 - the mover meets a stop, leaves an elastic one, or turns round;
-- dry friction brings the mover to rest, or no longer holds it: it is either all of it against the motion, or what the
-  other forces need, never a creep;
-- the flux turns round or the walls of a hysteretic core start to move, as in `reluctance_steps`.
+- dry friction brings the mover to rest, or no longer holds it. The friction of a moving mover is all against the
+  motion; at rest it balances the other forces, so the mover never creeps;
+- the flux turns round, or the walls of a hysteretic core start to move, as in `reluctance_steps`.
 
-A hard stop turns the speed round at once, with a coefficient of restitution.  An elastic one has the force
-k d (1 + b dd/dt) at the depth d (Hunt and Crossley): it starts from zero and never pulls.
+A hard stop turns the speed round at once, with a coefficient of restitution. An elastic one has the force
+k d (1 + b dd/dt) at the depth d (Hunt and Crossley). The force starts from zero and never pulls.
 """
 
 from __future__ import annotations
@@ -239,7 +239,7 @@ def _stop_forces(dev: Device, mode: Scalar, at: Continuous) -> tuple[Scalar, Sca
 
 
 def sunk(dev: Device, mode: Scalar, h: Scalar) -> tuple[Scalar, Scalar]:
-    """Mode of a mover that is laid on a stop, and how far an elastic one gives way to what presses it [m]."""
+    """Mode of a mover that lies on a stop, and how far the force presses it into an elastic one [m]."""
     load = (mode - MOVING) * push(dev, h)
     depth = where(dev.is_elastic & (load > 0.0), load / where(dev.is_elastic, dev.stiffness, 1.0), 0.0)
     return where(dev.is_elastic & (depth == 0.0), MOVING, mode), depth

@@ -1,6 +1,6 @@
 """The command line: the modules of commands here and of studies, found by walking.
 
-All of them take longer to load than many a run, so the program loads the module of the command that is asked for. The
+All of them take longer to load than many a run, so the program loads only the module of the command that is given. The
 attribute `app` is the program with all commands.
 """
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class App(typer.Typer):
-    """The program. Ctrl-C before a command has begun ends it with one word."""
+    """The program. A Ctrl-C before a command has begun ends it with one word."""
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         """Run the command that the arguments name."""
@@ -131,7 +131,7 @@ Function = TypeVar("Function", bound=Callable[..., None])
 
 
 def command(name: str, group: typer.Typer = app) -> Callable[[Function], Function]:
-    """Register a function as a command; errors that the user can fix end it with one sentence and an exit code."""
+    """Register a function as a command. Errors that the user can fix end it with their sentences and an exit code."""
     return lambda function: group.command(name)(reported()(checked(function)))
 
 
@@ -176,7 +176,7 @@ def shown(file: Path) -> None:
 
 
 def tell(found: Found) -> NoReturn:
-    """Print what a function has found, and end the command."""
+    """Print what a function found, and end the command."""
     for text in found.notes:
         problem(text, "yellow")
     show(*found.shown)

@@ -122,9 +122,9 @@ def stop_if_interrupted(result: cosim.Result) -> None:
 
 @contextmanager
 def bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on a terminal, from the first call with done and total on; elsewhere these do nothing.
+    """A progress bar on a terminal, from the first call with `done` and `total`; elsewhere the calls do nothing.
 
-    The first call loads what shows tables too: what is waited for is done by other processes.
+    The first call also loads what shows tables, while other processes do the work.
     """
     with ExitStack() as stack:
 

@@ -76,7 +76,7 @@ def export_c(
 def given(
     folders: Sequence[Path], known: Sequence[Path], files: Sequence[Path], settings: Sequence[str]
 ) -> dict[Path, dict[str, Value]]:
-    """Start values of parameters for each component that has them: those of files, and over them the settings."""
+    """Start values of the parameters that each component has: from the files, and over them the settings."""
     from gapsense.fmi.components import load_component
     from gapsense.identification.parameter_set import take_values
 

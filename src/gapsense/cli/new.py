@@ -57,7 +57,7 @@ def write(to: Path, called: Path) -> None:
 
 
 def copy(to: Path, source: Path) -> None:
-    """The files of an example, and those of other examples that it names."""
+    """Copy the files of an example, and those of other examples that it refers to."""
     shutil.copytree(source, to, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results", "*.py", "__pycache__"))
     file = to / "scenario.toml"
     text = file.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What `gapsense run` does. Given in the usual way it needs no typer, which takes longer to load than a run does."""
+"""What `gapsense run` does. With the usual options it does not need typer, which takes longer to load than a run."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ COMPLETES = "_GAPSENSE_COMPLETE"  # variable of the environment: the shell asks 
 
 
 def straight(words: Sequence[str]) -> dict[str, Any] | None:
-    """Options of a run as they are mostly given; None for all else, which typer parses, or explains."""
+    """Options of a run as they are mostly given; None for everything else, which typer parses or explains."""
     given: dict[str, Any] = {}
     left = iter(words)
     for word in left:

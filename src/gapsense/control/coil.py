@@ -68,8 +68,9 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
 def can_be_used(coil: Coil, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar]:
     """Whether the readings of voltage and current are neither lost nor wild.
 
-    In a sample the current changes by what the voltage drives through the open coil, and by what eddy currents and
-    noise add. A reading farther from the last one is wild; if more than `PATIENCE` in a row are, it is true.
+    In a sample the current changes by what the voltage drives through the open coil, plus eddy currents and noise. A
+    reading that is farther from the last one is wild. After more than `PATIENCE` wild ones in a row the reading is
+    true.
     """
     u, i = inputs.voltage, inputs.current - coil.zero
     highest = where(par.voltage_most > -par.voltage_least, par.voltage_most, -par.voltage_least)
@@ -128,7 +129,7 @@ def usual_current(par: Parameters) -> Scalar:
 
 
 def driving(coil: Coil, par: Parameters) -> Scalar:
-    """Voltage of an ordinary closing: that which holds, or more, where its current needs that."""
+    """Voltage of an ordinary closing: enough to hold, or more if its current needs more."""
     needed = coil.resistance * coil.needed
     possible = where(needed < par.voltage_most, needed, par.voltage_most)
     return where(possible > par.voltage_hold, possible, par.voltage_hold)
@@ -166,9 +167,9 @@ def _is_settled(coil: Coil, par: Parameters) -> Scalar:
 def left_open(coil: Coil, par: Parameters) -> Scalar:
     """Whether an ordinary closing that ends has left the mover open, by the reluctance.
 
-    A mover at the open stop has no more flux linkage than balances its spring there, with the current of an open gap;
-    one that floats on has less, by the resistance of a current that still changes.  While a mover moves the current
-    falls, and rises again where it has landed, however slowly.
+    At the open stop, with the current of an open gap, the flux linkage is at most what balances the spring there. A
+    mover that floats on has less, by the resistance of a current that still changes. While a mover moves the current
+    falls; once it has landed the current rises again, however slowly.
     """
     m, T_s = make_mover(par), par.sample_time
     noise = coil.noise * sqrt(T_s / (T_s + 2.0 * RECENT))
@@ -240,7 +241,7 @@ def steadied(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
 
 
 def topped(coil: Coil) -> Coil:
-    """After a soft closing: the flux linkage is nearly that of the last ones, and the mean of these has less noise."""
+    """After a soft closing the flux linkage is nearly that of the last ones, and their mean has less noise."""
     off = coil.flux - coil.top
     top = where(fabs(off) < APART, coil.top + TOP * off, coil.flux)
     return coil._replace(top=top, shift=top - coil.flux, flux=top)

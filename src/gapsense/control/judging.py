@@ -1,4 +1,4 @@
-"""How an operation went: when the mover landed, by the contact or by an estimator, and what follows from it."""
+"""How an operation went: when the mover landed, by the contact or by an estimator, and the consequences."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def judged_by_reluctance(state: State, par: Parameters) -> State:
 
 
 def judged_by_current(state: State, par: Parameters) -> State:
-    """With the end of an operation: whether it landed hard, or by the contact not at all."""
+    """At the end of an operation: whether it landed hard or, by the contact, not at all."""
     heard, running, is_soft = state.heard, state.running, state.running.is_plain < 1.0
     by_contact = state.by_model < 1.0
     is_hit = not_(by_contact) | (heard.landing == heard.hit) | (heard.hardest > SURELY)  # else the contact was in time
@@ -152,7 +152,7 @@ def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
 
 
 def _is_known(half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> Scalar:
-    """Whether an operation that began at `start` is one of those that the estimator has solved."""
+    """Whether the operation that began at `start` is among those that the estimator has solved."""
     lead = where(half > 0.5, par.closing_lead, par.opening_lead)
     shown = inputs.smoothed_time - start
     return (length > 0.0) & ((_landed(start, length, inputs) > 0.0) | ((shown > lead) & (shown <= length)))

@@ -1,7 +1,7 @@
-"""What is known of the two kinds of operation, in memory, and how an approach gets slower from cycle to cycle.
+"""What is known of the two kinds of operation, in memory, and how approaches get slower from cycle to cycle.
 
-A landing in time makes the next approach slower; one that comes late, or not at all, makes it faster, and leaves a
-floor below which it does not come for a while.
+A landing in time makes the next approach slower. A landing that is late or missing makes it faster, and sets a floor:
+for a while no approach is slower than that.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def started(law: Law, is_plain: Scalar) -> Law:
 
 
 def is_late(has_landed: Scalar, after: Scalar, travel: Scalar) -> Scalar:
-    """Whether an operation fell short whose landing came so long after it was planned, if it came."""
+    """Whether an operation fell short: its landing came this long after the planned one, if at all."""
     return (has_landed < 1.0) | (after > LATE * travel)
 
 

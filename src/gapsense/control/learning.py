@@ -76,7 +76,7 @@ def _next(course: Pass, state: State, m: Mover, par: Parameters) -> Pass:
 def begun(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: Parameters) -> State:
     """A pass over the operation that has ended; none, if the mover did not leave its stop while samples were kept."""
     contact, law = state.heard, laws.read(state.laws, half)
-    # of a cycle in which something has changed only the ordinary operations tell what that was
+    # if something has changed in a cycle, only its ordinary operations tell what
     is_believed = (state.noted.changed < 1.0) | (state.running.is_plain > 0.0)
     has_left = is_believed & (contact.began > 0.0) & (contact.takeoff > 0.0) & (contact.takeoff < LONGEST)
     has_landed = has_left & (contact.landing > contact.takeoff) & (contact.landing < LONGEST)

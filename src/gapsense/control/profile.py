@@ -42,7 +42,7 @@ class Place(NamedTuple):
 
 
 def stops(is_closing: Scalar, m: Mover) -> tuple[Scalar, Scalar]:
-    """Where an operation begins, and where it is to end."""
+    """The stop where an operation begins, and the one where it is to end."""
     low, high = m.gap.smallest, m.gap.largest
     return where(is_closing, high, low), where(is_closing, low, high)
 

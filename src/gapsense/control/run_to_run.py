@@ -1,10 +1,12 @@
 """Soft landing from cycle to cycle: a flux linkage that the voltage follows, learnt from what the last cycles did.
 
-An operation begins with its command.  The mover is to follow a path that ends slowly; the flux linkage that this needs
-is the profile, and the voltage follows it with the integral of u - R i.  The first cycles are ordinary ones.  From a
-contact three mechanical numbers of each kind of operation are learnt; without one the mover is that of an estimator,
-which also tells afterwards what the loop's flux linkage was wrong by.  Approaches get slower as long as they arrive in
-time.  After an operation that lands hard, or does not arrive, comes an ordinary cycle, and all is learnt afresh.
+An operation begins with its command. The mover is to follow a path that ends slowly. The profile is the flux linkage
+that this needs; the voltage makes the integral of u - R i follow it. The first cycles are ordinary ones.
+
+From a contact, three mechanical numbers of each kind of operation are learnt. Without a contact the mover is that of an
+estimator, which also tells afterwards how wrong the loop's flux linkage was. Approaches get slower as long as they
+arrive in time. An operation that lands hard, or does not arrive, is followed by an ordinary cycle, and everything is
+learnt afresh.
 """
 
 from __future__ import annotations
@@ -265,7 +267,7 @@ def _falls_back(state: State) -> Scalar:
 
 
 def _is_ready(state: State, inputs: Inputs, par: Parameters) -> Scalar:
-    """Whether enough is known for soft cycles: one that the contact has heard, or two by an estimator in time."""
+    """Whether enough is known for soft cycles: one cycle by the contact, or two that an estimator solved in time."""
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
     is_heard = (state.cycles > 1.0) & (closing.missed < 1.0) & (opening.missed < 1.0)
     by_contact = state.by_model < 1.0
@@ -282,7 +284,7 @@ def _is_told(state: State, inputs: Inputs, par: Parameters) -> Scalar:
 
 
 def _learnt(state: State, inputs: Inputs, par: Parameters) -> list[Scalar]:
-    """Factor and bend of the gap, rest, mass, damping: those that an estimator has learnt, if there is one."""
+    """Factor and bend of the gap, rest, mass and damping, as an estimator has learnt them if there is one."""
     has_learnt = (state.by_model > 0.0) & (inputs.windows > 0.0) & (inputs.estimated_mass > 0.0)
     gap = (inputs.estimated_gap_factor, inputs.estimated_gap_bend)
     found = (*gap, inputs.estimated_rest_position, inputs.estimated_mass, inputs.estimated_viscous_damping)

@@ -123,7 +123,8 @@ def inspect(
     descriptions = read_descriptions(draft.scenario, folder, problems)
     read = taken(draft.scenario, descriptions)
     problems += check_scenario(read, descriptions, draft.broken)
-    for name, component in read.components.items() if to_run else ():
+    on_boards = {name: c for name, c in read.components.items() if c.board} if to_run else {}
+    for name, component in on_boards.items():
         if problem := absent(component.board, component.firmware):
             problems.append(f"{read.path.name}, components.{name}.{problem}")
     return problems, read, descriptions
@@ -445,10 +446,12 @@ class Checker:
             )
 
     def control(self) -> Iterator[str]:
-        """Steps can be controlled: every component can go back, none needs every base step, and rows are apart."""
-        components, where = self.scenario.components, "experiment.step_control"
-        if self.scenario.experiment.step_control is None:
+        """Steps can be controlled: every component can go back, and pairs of steps fit between instants and rows."""
+        components, experiment, where = self.scenario.components, self.scenario.experiment, "experiment.step_control"
+        if experiment.step_control is None:
             return
+        shortest = experiment.shortest_step
+        pair = f"two steps of `shortest_step` = {shortest} have to fit between"
         for name, description in self.descriptions.items():
             if components[name].board or not description.can_return:
                 what = "a board" if components[name].board else f"`{description.path.name}`"
@@ -456,16 +459,16 @@ class Checker:
                     f"components.{name}: {what} cannot save its state (canGetAndSetFMUstate), and `step_control` "
                     "repeats steps. Leave out `step_control`, or the component."
                 )
-            elif components[name].step == 1 and not is_free(components[name], description):
+            elif components[name].step < 2 * shortest and not is_free(components[name], description):
                 yield (
                     f"components.{name}: it keeps its instants, as it is sampled or cannot step otherwise "
-                    "(canHandleVariableCommunicationStepSize), and has one in every base step. Give it a longer "
-                    "`step`, or reduce `base_step`."
+                    f"(canHandleVariableCommunicationStepSize), and {pair} them: `step` is {components[name].step}. "
+                    "Give it a longer one, or reduce `base_step`."
                 )
         if not any(is_free(components[name], description) for name, description in self.descriptions.items()):
             yield f"{where}: no component takes steps of any length. Leave it out."
-        if self.scenario.record.decimation == 1:
-            yield f"{where}: a step ends at every row, and each base step has one. Raise `decimation` in `[record]`."
+        if (rows := self.scenario.record.decimation) < 2 * shortest:
+            yield f"{where}: {pair} rows, and `decimation` in `[record]` is {rows}. Raise that."
 
 
 # Signals that inputs follow against the variables of these inputs and the time of the run.
@@ -555,9 +558,10 @@ def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
 
 
 def check_sets(components: Mapping[str, Component], descriptions: Descriptions) -> Iterator[str]:
-    """Names in a parameter set that nobody has as a parameter, if all components that are given it are known.
+    """Names in a parameter set that no component has as a parameter.
 
-    What none of these has may be for another component: an FMU in the same folder.
+    They are told only if all components that are given the set are known. A name that none of these has may belong to
+    another component, whose FMU is in the same folder.
     """
     for file in dict.fromkeys(file for component in components.values() for file in component.sets):
         users = [name for name, component in components.items() if file in component.sets]
@@ -710,7 +714,7 @@ def limits(variable: Variable) -> str:
     return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"
 
 
-# Parameters of the FMUs that lie beside those of a scenario: what a parameter set may have for other components.
+# Parameters of the FMUs in the same folders: a parameter set may have values for other components.
 
 
 def parameters_beside(fmus: Iterable[Path]) -> frozenset[str]:
@@ -872,7 +876,7 @@ def first_row(component: Component, decimation: int) -> int | None:
 
 FEW = 10  # base steps of a run, and rows of a record
 ABOVE = 5.0  # steps of a component that are so many times its own are told
-WITHIN = {"s": 10.0, "Hz": 1.0}  # steps that a period has, and one of a frequency, which drives give as means
+WITHIN = {"s": 10.0, "Hz": 1.0}  # least steps in a period; fewer for a frequency, since drives give means
 PULSE = 0.25  # of the span of a signal: what rises so far between two steps is told
 ROUNDING = 1e-9
 ASKED = "Is `base_step` as it should be?"

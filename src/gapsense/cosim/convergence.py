@@ -47,7 +47,7 @@ Vector = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 RUNS, LEAST_RUNS, MOST_RUNS = 6, 4, 16  # an order that is told takes two ratios of changes, and so four runs
 TOLERANCE = 1e-3  # of the range of a signal
-SETTLED = 0.1  # of the tolerance: what changes less has stopped
+SETTLED = 0.1  # in the tolerance: a smaller change is none
 NOISE, DISCRETE, QUANTISED, RESTLESS = "noise", "discrete", "quantised", "its changes show no order"
 
 
@@ -226,7 +226,8 @@ def refuse(scenario: Scenario, runs: int, tolerance: float, keep: Collection[str
     if not 0.0 < tolerance < 1.0:
         problems.append(f"--tolerance: {tolerance} found, a share of the range between 0 and 1 expected. Correct it.")
     if scenario.experiment.step_control is not None:
-        problems.append("experiment.step_control: steps that are controlled do not follow `base_step`. Leave it out.")
+        remedy = "Compare with a run in which it is smaller, or leave it out."
+        problems.append(f"experiment.step_control: steps follow it, and not `base_step`. {remedy}")
     if write and (scenario.settings or not scenario.path.is_file()):
         problems.append("--write: it is for a scenario as its file is. Save it, and leave out --set.")
     if write and is_installed(scenario.path):

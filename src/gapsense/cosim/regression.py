@@ -39,7 +39,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What testing one scenario, or one variant of it, showed."""
+    """What the test of a scenario, or of one of its variants, showed."""
 
     scenario: str
     path: Path
@@ -288,9 +288,9 @@ def is_baseline(file: Path) -> bool:
 
 
 def state_baseline(scenario: Source, variant: str | None) -> str:
-    """Add `[baseline]` to a scenario that does not state that it has one; what was added, or what is to be added.
+    """Add `[baseline]` to a scenario that has none; returns what was added, or what the user has to add.
 
-    Without it nobody would miss a baseline that is gone.
+    Without this section nobody would notice that a baseline is gone.
     """
     path = scenario_file(scenario)
     data = None if isinstance(scenario, Document) else read_toml(path, [])
@@ -299,7 +299,7 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
         return ""
     head = f"[variants.{variant}.baseline]" if variant else "[baseline]"
     text = path.read_text(encoding="utf-8").rstrip("\n")
-    name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # named, so that it is no other variant's
+    name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # so that no other variant uses it
     text = f'{text}\n\n{head}  # `gapsense test` fails without it\nfile = "{name}"\n'
     if parsed(text) is None:
         return f"{path}: add a table `{head}`, so that `gapsense test` fails if the baseline is lost."

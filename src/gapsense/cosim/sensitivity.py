@@ -120,7 +120,7 @@ def perturbed(scenario: Scenario, descriptions: Mapping[str, Description], size:
 def changed(value: float, variable: Variable, size: float, draw: int) -> float:
     """A value changed up or down, within the limits of its variable; equal values stay equal.
 
-    What is no Real stays as it is, and so do times, what has no dimension, and whole numbers whose unit is not known.
+    Only Real values change. Times, values without a dimension, and whole numbers of unknown unit stay as they are.
     """
     if variable.type != "Real" or variable.unit in KEPT or (variable.unit is None and value.is_integer()):
         return value

@@ -1,11 +1,11 @@
 """Drive voltage: square wave, step, table, PWM, pulse profile, soft landing, bridge; edges anywhere in a step.
 
-`voltage` is the value at the end of the step, and on an edge the value just before it; `voltage_mean` is the exact mean
-over the step, so that an actuator driven by it gets the volt-seconds of an edge inside the step.
+`voltage` is the value at the end of the step; on an edge it is the value just before it. `voltage_mean` is the exact
+mean over the step. An actuator driven by the mean gets the volt-seconds of an edge inside the step.
 
-An edge counts as on a communication point if it is closer to it than 1e-9 of the step plus 1e-11 of the time, because
-hosts that add up their steps know their time only to accumulated rounding.  The step before then ends on it and the
-step after starts on it, so that its volt-seconds are neither lost nor counted twice.
+An edge counts as on a communication point if it is closer to it than 1e-9 of the step plus 1e-11 of the time: hosts
+that add up their steps know their time only to accumulated rounding. The step before ends on the edge and the step
+after starts on it, so its volt-seconds are neither lost nor counted twice.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.drive.curve import Curve, positive, tabulated
-from gapsense.drive.pulses import ALWAYS, Pulse, Wave, levels, pulsed
 from gapsense.kernels.interface import COLUMN, choice, fixed, input_, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table, flat, record
 from gapsense.kernels.trace import clip, cond, fabs, floor, not_, where
+
+ALWAYS = -1e30  # phase at which a wave without a beginning begins
 
 
 class Kind(Choice):
@@ -179,7 +180,7 @@ def _either(condition: Scalar, a: Wave, b: Wave) -> Wave:
 def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """[RTS] Fig. 13: high for dt1, low for dt2, high until half of the period, then the mirror image.
 
-    It is a square wave with a notch in its high half and the same as a pulse in its low half.
+    That is a square wave with a notch in its high half, and the same pulse in its low half.
     """
     half, delay = par.profile_half_period, par.profile_delay
     period, first = 2.0 * half, clip(par.profile_first, 0.0, half)
@@ -213,3 +214,60 @@ def _soft_landing(par: Parameters) -> Curve:
         period=par.soft_landing_period,
         repeat_from=par.soft_landing_repeat_from,
     )
+
+
+# Voltages of two levels: where a step lies among the edges of a pulse that repeats.
+
+
+class Pulse(NamedTuple):
+    """High for `duty` of each period from `delay` on; low before phase `first`."""
+
+    period: Scalar
+    duty: Scalar
+    delay: Scalar
+    first: Scalar
+
+
+class Wave(NamedTuple):
+    """Two levels [V], and when the voltage is at the upper one."""
+
+    low: Scalar
+    high: Scalar
+    pulse: Pulse
+
+
+def levels(low: Scalar, high: Scalar, is_high: Scalar, fraction: Scalar) -> tuple[Scalar, Scalar]:
+    """Voltage at the end and mean; in this form 0 and 1 give the levels exactly."""
+    return where(is_high, high, low), low * (1.0 - fraction) + high * fraction
+
+
+def pulsed(time: Scalar, dt: Scalar, tolerance: Scalar, pulse: Pulse) -> tuple[Scalar, Scalar]:
+    """Whether the pulse is high at the end of the step, and the fraction of the step in which it is.
+
+    Phases are counted from the start of the period in which the step ends, so the rounding of their difference is that
+    of the step, not of the time. The mean follows from the phase that is high, I(p) = floor(p) D + min(p - floor(p),
+    D).
+    """
+    D, tol = pulse.duty, tolerance / pulse.period
+    p = (time - pulse.delay) / pulse.period
+    n = -floor(tol - p) - 1.0  # periods before this one: the end lies in (0, 1], as its left limit is wanted
+    end = _on_edge(p - n, D, tol)
+    start = p - n - dt / pulse.period
+    m = floor(start + tol)
+    phase = start - m
+    phase = where(phase <= tol, 0.0, _on_edge(phase, D, tol))
+    start = m + phase
+
+    is_begun = n > pulse.first - 0.5
+    is_high = is_begun & (end <= D) & (D > 0.0)
+    first = pulse.first - n
+    I_end = where(end < D, end, D)
+    I_start = where(start < first, first * D, m * D + where(phase < D, phase, D))
+    is_long = end > start  # else there is no step, or all of it is on an edge
+    fraction = where(is_begun, I_end - I_start, 0.0) / positive(end - start)
+    return is_high, where(is_long, fraction, where(is_high, 1.0, 0.0))
+
+
+def _on_edge(phase: Scalar, D: Scalar, tol: Scalar) -> Scalar:
+    """Phase, moved onto the edge at D or the one at 1 if that is closer than `tol`."""
+    return where(fabs(phase - D) <= tol, D, where(phase >= 1.0 - tol, 1.0, phase))

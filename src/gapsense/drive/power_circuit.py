@@ -30,7 +30,7 @@ FULL = 0.01  # share of its voltage from which on the boost capacitor is charged
 
 
 class Topology(Choice):
-    """What conducts: one switch below the coil, and beside it what takes the current over; or two or four switches."""
+    """What conducts: one switch below the coil, and a path beside it that takes over; or two switches, or four."""
 
     low_side_diode, low_side_zener, low_side_tvs, low_side_resistor, half_bridge, full_bridge, boost = range(7)
 
@@ -171,9 +171,9 @@ class Flow(NamedTuple):
 
 
 def advanced(net: Net, coil: Coil, command: Command, at: Circuit, dt: Scalar, keeps: Scalar) -> tuple[Circuit, Track]:
-    """State after a communication step, and what conducted last and where in it the path should change first.
+    """State after a communication step, what conducted last, and where in the step the path should first have changed.
 
-    Where the step `keeps` its path, it does not change: the step should have ended there.
+    If the step `keeps` its path, the path does not change: the step should have ended there.
     """
     first = Track(edge=dt, path=Path(0.0, 0.0, 0.0, 0.0), is_blocked=0.0)
     _, at, track = loop(MICRO_STEPS, partial(_micro_step, net, coil, command, dt, keeps), (dt, at, first))
@@ -272,7 +272,7 @@ def _is_changed(track: Track, path: Path, is_blocked: Scalar) -> Scalar:
 
 
 def _switched(net: Net, command: Command, at: Circuit) -> Gates:
-    """Switches as comparators, carrier and inputs want them now."""
+    """Switches as comparators, carrier and inputs set them now."""
     gates, i = at.gates, at.current
     was_on, is_timed = is_set(gates.a), is_over(gates.age_a, net.minimum)
     is_regulated, is_following = _is_regulated(net), net.law == Law.current

@@ -49,7 +49,7 @@ SPREAD = 4.0  # by which factor a may change in a step
 
 
 class At(Choice):
-    """Where in the step the current is that comes."""
+    """Which current of the step is given: that of its start or that of its end."""
 
     start, end = range(2)
 
@@ -120,7 +120,7 @@ class Trial(NamedTuple):
 
 
 class State(NamedTuple):
-    """Where the last step began, what it was asked for, and what it gave."""
+    """When the last step began, what was asked of it, and what it gave."""
 
     at: Circuit  # at its start
     gate: Scalar
@@ -191,7 +191,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 
 def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """A step at the end of which the coil has the current that comes."""
+    """A step for which the current at its end is given."""
     net, at, dt, start = net_of(par), state.at, inputs.dt, state.began
     command = Command(inputs.gate, inputs.gate_low, inputs.reference, inputs.enable)
     plain = _foreseen(par, state.learnt)
@@ -233,7 +233,7 @@ def _magnetizing(current: Scalar, held: Scalar, par: Parameters) -> Scalar:
 
 
 def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """A step at the start of which the coil has the current that comes."""
+    """A step for which the current at its start is given."""
     net = net_of(par)
     m = _magnetizing(inputs.coil_current, state.held, par)
 
@@ -298,10 +298,10 @@ def _drive(coil: Coil, start: Scalar, end: Scalar, dt: Scalar) -> Scalar:
 
 
 def _learn(state: State, m: Scalar, par: Parameters) -> Learnt:
-    """The coil that did in the last step what was measured, by a Kalman filter of a and F that trusts it, (5).
+    """The coil that fits the last step exactly, by a Kalman filter of a and F without measurement noise, (5).
 
-    At a voltage that stays, what was not foreseen counts for the inductance as far as the voltage is high; where the
-    voltage changes, its covariance tells a and F apart.
+    If the voltage stays, the surprise counts for the inductance the more, the higher the voltage is. Where the voltage
+    changes, its covariance tells a and F apart.
     """
     before, learnt = _coil(par, state.learnt), state.learnt
     share = 1.0 / (1.0 + before.resistance * before.conductance)

@@ -55,7 +55,7 @@ def _moved(design: Design) -> tuple[Sequence[str], Sequence[str]]:
 
 
 def _numbers(design: Design) -> tuple[list[str], list[str]]:
-    """Fields of parameters that a message sets, and those that are part of the code: of memory and tables, or all."""
+    """Parameters that a message sets, and those that are part of the code: sizes of memories and tables, or all."""
     if not design.is_baked:
         set_ = [member.name for member in members(design).get("par", ()) if member.type == design.real]
         return set_, [*sizing(design.kernel), *table_sizes(design)]

@@ -82,7 +82,7 @@ class Function(Typed):
         super()._node(node)
 
     def block(self, opening: str, region: Region, targets: list[str], values: list[Any]) -> None:
-        """Print a branch; what is quoted in it says nothing about what follows it."""
+        """Print a branch; source lines that are quoted in it are quoted again after it."""
         super().block(opening, region, targets, values)
         self.quoted = ""
 

@@ -1,19 +1,20 @@
-"""What a component becomes in C: which outputs, which numbers, and the functions and records that these need."""
+"""What a component becomes in C: its outputs and numbers, and the functions and records that these need."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.fmi.components import kernel_of, load_component
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
-from gapsense.kernels.emit import HARMLESS_IN_C, Graph, Python, needed, split
+from gapsense.kernels.emit import HARMLESS_IN_C, Graph, Printer, Python, split
 from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import Field, names
 from gapsense.kernels.layout import fields as layout
 from gapsense.problems import InputError, suggest
 
@@ -76,6 +77,71 @@ def designed(
         prepare=prepare,
         step=step,
     )
+
+
+# Of a kernel's functions, keep what some outputs need.
+
+
+def needed(
+    initial: Graph, step: Graph, outputs: Collection[str], printer: type[Printer]
+) -> tuple[Graph, Graph, dict[str, list[str]]]:
+    """The functions with these outputs only, and the entries that are left of every record, by the record's name.
+
+    Other outputs are dropped, and so is dead state: neither a wanted output nor the next value of a live state depends
+    on it.  Both functions get the same inputs and parameters, in records that hold no others.
+    """
+    state, published = (names(cls) for cls, _ in step.results)
+    wanted = [name for name in published if name in outputs]
+    alive = _alive(step, set(state), wanted, printer)
+    graphs = [_returning(graph, (alive, wanted)) for graph in (initial, step)]
+    used = [_used(graph, printer) for graph in graphs]
+    kept = {"state": [n for n in state if n in alive], "outputs": wanted}
+    for name, cls, _ in initial.arguments:
+        kept[name] = [entry for entry in names(cls) if any(entry in found[name] for found in used)]
+    first, second = (_taking(graph, kept) for graph in graphs)
+    return first, second, kept
+
+
+def _alive(step: Graph, every: set[str], outputs: Collection[str], printer: type[Printer]) -> set[str]:
+    """The states that the outputs depend on, today or later."""
+    alive: set[str] = set()
+    while (found := _used(_returning(step, (alive, outputs)), printer)["state"] & every) - alive:
+        alive |= found
+    return alive
+
+
+def _used(graph: Graph, printer: type[Printer]) -> dict[str, set[str]]:
+    """Entries of every argument that the results depend on."""
+    uses = printer(graph).uses
+    return {
+        name: {entry for entry, symbol in zip(names(cls), symbols) if symbol.id in uses}
+        for name, cls, symbols in graph.arguments
+    }
+
+
+def _returning(graph: Graph, wanted: Iterable[Collection[str]]) -> Graph:
+    """The function with some of the entries of each record that it returns."""
+    results = [_part(cls, entries, kept) for (cls, entries), kept in zip(graph.results, wanted)]
+    return graph._replace(results=results)
+
+
+def _taking(graph: Graph, kept: dict[str, list[str]]) -> Graph:
+    """The function with some of the entries of each record that it takes."""
+    return graph._replace(
+        arguments=[(name, *_part(cls, symbols, kept[name])) for name, cls, symbols in graph.arguments]
+    )
+
+
+def _part(cls: type, values: list[Any], kept: Collection[str]) -> tuple[type, list[Any]]:
+    """A record class with some of the flat entries of another, and their values."""
+    special = {name: field for name, field in layout(cls).items() if field.kind in ("memory", "table")}
+    pairs = [(name, value) for name, value in zip(names(cls), values) if name in kept]
+    entries = [(name, Annotated[Any, special.get(name, Field())]) for name, _ in pairs]
+    made = NamedTuple(cls.__name__, entries)  # type: ignore[misc]  # its fields are what this is about
+    return made, [value for _, value in pairs]
+
+
+# Which numbers and which outputs there are.
 
 
 def sizing(kernel: Kernel) -> list[str]:

@@ -89,7 +89,7 @@ HELPERS = {
     "within": ("An index inside an array; 0 in place of others.", WITHIN),
 }
 SAME = "Elementary functions, with the same bits on every machine; errors below 1 unit in the last place."
-FUNCTIONS = {  # what they take and change, and what is said of them
+FUNCTIONS = {  # arguments, what they change, and their comment
     "prepare": (("par", "constants"), ("constants",), "Call it once, and after every change of a parameter."),
     "initial": (("inputs", "par", "state", "outputs"), ("state", "outputs"), "The start, and the outputs there."),
     "step": (
@@ -98,7 +98,7 @@ FUNCTIONS = {  # what they take and change, and what is said of them
         "One step; the state is changed in place.",
     ),
 }
-STACK = 4096  # bytes of RAM that are left for it
+STACK = 4096  # bytes of RAM that are kept free for the stack
 LOOP = 6144  # bytes of RAM of the program of a board in the loop and its libraries, at most
 LINK, ANY_RAM = "cortex_m/link.ld", "LENGTH = 4M\n}"
 CORTEX_M = Path(__file__).with_name("cortex_m")
@@ -127,7 +127,7 @@ def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: 
 
 
 def keep_foreign(texts: Mapping[Path, str]) -> None:
-    """Refuse to write over files that no export has made, or that were to be changed and have been."""
+    """Refuse to overwrite files that no export has made, or that were made to be changed and have been changed."""
     there = {path: path.read_text(encoding="utf-8", errors="replace") for path in texts if path.is_file()}
     foreign = [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]
     if foreign:
@@ -190,7 +190,7 @@ def _kept(design: Design) -> Iterator[str]:
 
 
 def check_memory(designs: Sequence[Design], ram: int, in_loop: bool = False) -> None:
-    """Refuse what a part with so many bytes of RAM has no room for, and say what to change."""
+    """Refuse a part with so many bytes of RAM if the components do not fit, and say what to change."""
     sizes, others = {design.name: memory(design) for design in designs}, STACK + LOOP * in_loop
     over = sum(sizes.values()) + others - ram
     known = [each for design in designs for each in _sized(design)]

@@ -1,4 +1,4 @@
-"""The records of a component as members of C structs, each with its unit and what it is."""
+"""The records of a component as members of C structs, each with its unit and its meaning."""
 
 from __future__ import annotations
 

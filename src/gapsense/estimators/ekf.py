@@ -170,8 +170,9 @@ def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[H
 def _seen(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen:
     """Signs of bad health in a sample: the current error at rest, a position held at a stop during a motion.
 
-    Of another device are a contact far from where the mover is believed to be, and a stop that seems to pull at a mover
-    that a spring presses on or off it. Without a spring nothing is known of the force on the stop.
+    Two signs tell that the device is another one: the contact is far from where the mover is believed to be, or a stop
+    seems to pull at a mover that a spring presses on it or off it. Without a spring nothing is known of the force on
+    the stop.
     """
     x, moves, moved = new.filtered.mean, is_moving(now.mode), is_moving(state.mode)
     stop = limit(now.mode)

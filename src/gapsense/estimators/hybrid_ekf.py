@@ -335,7 +335,7 @@ def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Sc
 
 
 def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
-    """On the stop, if the armature meets one: late, or early by the band, and so with the flux linkage that it has."""
+    """On the stop if the armature meets one, with the flux linkage that it has: the landing is late, or early."""
     (i, s, v), P, q = estimate
     is_up, is_down = _meets(s, v, q, mod, tun)
 

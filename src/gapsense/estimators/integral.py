@@ -29,7 +29,7 @@ from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where
 EDGE = 0.25  # of the highest voltage of late: more begins an operation
 AGAIN = 0.5  # of that level: the next one begins only after less
 CLEAR = 10.0  # noises of a voltage that drives something
-LENGTH = 4096  # samples of one operation that can be replayed; what comes after them is not
+LENGTH = 4096  # samples of one operation that can be replayed; later ones are not
 SPARE = 2 * LENGTH  # element that takes the writes after that
 
 

@@ -1,12 +1,14 @@
 """First impacts that the contact did not show, told by the current.
 
-The mover that hits a stop is suddenly slower, or moves back; with it changes the slope of the current, by the slope of
-the reluctance times the flux linkage times the change of the speed.  A contact that closes only after the bounce says
-nothing of that impact.  Here the kink is looked for in every window of `TAPS` readings, by a fit of two lines that meet
-in the middle; if a motion that lands has one of the right sign and size near its stop, it has landed there.
+A mover that hits a stop is suddenly slower, or moves back. So the slope of the current changes by the slope of the
+reluctance times the flux linkage times the change of the speed. A contact that closes only after the bounce does not
+show this impact.
 
-Such a landing tells the coefficient of restitution.  Where the spring drives the mover the kink is too small, and the
-restitution tells how long before the contact the first impact was.
+The kink is looked for in every window of `TAPS` readings, by a fit of two lines that meet in the middle. If a motion
+that lands has a kink of the right sign and size near its stop, it has landed there.
+
+Such a landing gives the coefficient of restitution. Where the spring drives the mover the kink is too small. There the
+restitution says how long before the contact the first impact was.
 """
 
 from __future__ import annotations
@@ -142,7 +144,7 @@ def sought(
 
 
 def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
-    """Whether the readings are near two lines: those with one wild among them are not."""
+    """Whether the readings are near two lines; with a wild reading among them they are not."""
     off = [i - currents[SIDE] for i in currents]
     along = total(square(total(w * i for w, i in zip(line, off))) for line in BASIS)
     return total(square(i) for i in off) - along <= TAPS * square(ROUGH[0] * noise + ROUGH[1] * kink)

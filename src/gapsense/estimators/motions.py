@@ -1,13 +1,15 @@
 """The queue of motions of a smoother: where their samples are kept, and which one is next.
 
-A motion begins where the contact signal says that the mover has left its stop, and ends where it says that it is on
-one.  If it comes back to the stop that it left, it was none in two cases.  If contact had been made within the time of
-debouncing, it was a bounce, however long.  If it was away for no longer than that time, it was a glitch.
+A motion begins where the contact signal says that the mover has left its stop. It ends where the signal says that it is
+on one. If the mover comes back to the stop that it left, that was no motion in two cases: it was a bounce if contact
+had been made within the time of debouncing, however long it took; it was a glitch if the mover was away for no longer
+than that time.
 
-Motions wait in the order of their landings, first to be smoothed, then to be published, at one sample per step each.
-With its landing a motion's last sample is smoothed at once, before those that wait.  Then no sample waits for more than
-`Room.ring` steps, however the motions follow each other: each takes at least as many steps as it needs, landings
-between take one step of two, and publishing waits once more for at most `Room.length`.
+Motions wait in the order of their landings, first to be smoothed, then to be published, at one sample per step each. At
+its landing the last sample of a motion is smoothed at once, before those that wait.
+
+No sample waits for more than `Room.ring` steps, however the motions follow each other: each motion takes at least as
+many steps as it needs, landings in between take one step of two, and publishing waits for at most `Room.length` more.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from gapsense.kernels.layout import COUNT, Array, Count, Memory, Scalar, Whole, 
 from gapsense.kernels.trace import cond, floor, load, not_, store, where
 
 LENGTH = 1024  # samples of a motion that are kept, at most
-RING = 3 * LENGTH  # samples of all motions, each with the one that it lands with
+RING = 3 * LENGTH  # samples of all motions, each with the sample of its landing
 QUEUE = RING // 2  # motions that may wait: each takes a sample at least, and one at rest
 ENTRY = 3  # numbers of a motion that waits: place of its first sample kept, samples kept, time of the sample before
 

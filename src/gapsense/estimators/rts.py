@@ -84,10 +84,6 @@ def smooth_record(
         Those of the component `Ekf`; `option_force_error` and `option_current_error` 0 for the paper's ablations.
     debounce : float
         A mover that is back on its stop within this time has bounced [s]; 0 as in the paper.
-
-    Returns
-    -------
-    Posterior
     """
     inputs = (np.asarray(signal, float).tolist() for signal in (voltage, current, mode))
     rows = [(*given, 0.0) for given in zip(*inputs)]
@@ -141,9 +137,9 @@ def _landing(
     told: kinks.Told,
     par: Parameters,
 ) -> tuple[int, tuple[float, ...], bool, kinks.Told]:
-    """Sample of the landing, at an impact that the contact has missed or at `end`, and its estimate.
+    """Sample of the landing, and its estimate; it is at `end`, or at an impact that the contact has missed.
 
-    Also whether the current has told it, and what is told of the next one.
+    Also whether the current has shown it, and what that says about the next one.
     """
     kink, stop = tuple(flat(kinks.nothing())), limit(states[end][names(ekf.State).index("mode")])
     for k in range(first + 1, end + 1):

@@ -11,9 +11,7 @@ from pathlib import Path
 from gapsense.fmi.ports import Component, Port
 from gapsense.units import UNITS
 
-FILE = (
-    "typical.csv"  # a comment that says what run it is, a header of names and units, rows; not every component has it
-)
+FILE = "typical.csv"  # a comment that describes the run, a header with names and units, rows; optional
 PANELS, CURVES = 4, 3  # at most
 LEFT, PLOT, RIGHT, PANEL, GAP = 58, 352, 150, 96, 16  # of the picture, in its own units
 ROUNDING = 1e-9
@@ -32,7 +30,7 @@ def drawn(component: Component) -> list[list[Port]]:
 
 
 def related(ports: Sequence[Port]) -> list[Port]:
-    """A port and those named after it that are about as large, such as `smoothed_position`: as many as possible."""
+    """A port and those named after it that are about as large, such as `smoothed_position`; as many as there are."""
     families = [
         [other for other in ports if port.name in other.name and 0.03 < other.nominal / port.nominal < 30.0]
         for port in ports
@@ -70,7 +68,7 @@ def svg(panels: Sequence[Sequence[Port]], columns: dict[str, list[float]]) -> st
 
 
 def named(panels: Sequence[Sequence[Port]]) -> str:
-    """What the picture shows, for those who cannot see it."""
+    """The text of the picture, for those who cannot see it."""
     return "Over time: " + ", ".join(port.name for ports in panels for port in ports)
 
 

@@ -1,4 +1,4 @@
-"""What travels in an FMU to try it: its reference run as an experiment, with a manifest that says what is what.
+"""What an FMU carries to be tried: its reference run as an experiment, and a manifest of the files.
 
 By the layered standard FMI-LS-REF 1.0.0-beta.1, in `extra/org.fmi-standard.fmi-ls-ref`, and the experiments of the
 Modelica Association (MA-HS-Experiments, a draft), both for FMI 2.0 and 3.0.
@@ -62,8 +62,8 @@ class Related(NamedTuple):
 def files(folder: Path, given: Mapping[str, Any], fmi: int = 2) -> dict[str, bytes]:
     """Members of the FMU of the component in `folder`, which was built with the start values `given`.
 
-    There is no experiment where nothing can be expected: without a reference run of this port table, or where a
-    user's table has the name, and so the place, of one that the run was made with.
+    There is no experiment if its result is not known. That is so without a reference run of this port table, and where
+    a user's table has the name, and so the place, of a table of the run.
     """
     component = load_component(folder)
     tables = {Path(given[port.name]).name for port in component.ports if port.columns and port.name in given}

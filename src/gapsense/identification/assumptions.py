@@ -1,7 +1,8 @@
 """What a record of voltage and current does not tell: it is asked for by name, or assumed, listed and marked.
 
-A record tells the stroke from no other one whose mass, stiffness and damping go with the inverse of its square, and the
-gap law from no other one whose turns and core go with it.  Whoever does not know these values gets a relative answer.
+Two things cannot be told from a record. Another stroke explains it as well, if mass, stiffness and damping go with the
+inverse of its square. Another gap law explains it as well, if turns and core go with it. Without these values the
+answer is relative.
 """
 
 from __future__ import annotations

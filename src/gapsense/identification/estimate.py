@@ -153,7 +153,7 @@ def run_all(
 
 
 def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Estimate:
-    """An estimator over a record with all inputs that this has, with its sample time and those values that it has."""
+    """Run an estimator over a record, with all inputs and parameters that the record can give, and its sample time."""
     description = describe(fmu)
     names = [v.name for v in description.of("parameter")]
     own = given_time(names, values_for(names, values), record)

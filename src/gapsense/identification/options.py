@@ -13,7 +13,7 @@ FORMS = ("eddy", "hysteresis", "fringing")  # what the plain model may have adde
 PLAIN = "plain"  # nothing of it
 AUTO = "auto"  # what explains the records best
 MODELS = (AUTO, "coil", "solenoid_valve")
-TYPES = {  # of an argument of a function, by that of a command
+TYPES = {  # type of a function's argument, by the type of the command's option
     bool: "bool",
     int: "int",
     float: "float",

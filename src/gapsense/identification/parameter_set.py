@@ -182,7 +182,7 @@ def values_for(names: Collection[str], values: Mapping[str, Value]) -> dict[str,
 
 
 def is_deviation(name: str, values: Mapping[str, Value]) -> bool:
-    """Whether `prior.resistance` is how uncertain that is, as in a set for `Mhe`, which has such priors of all."""
+    """Whether `prior.resistance` is an uncertainty, as in a set for `Mhe`, which has such priors for everything."""
     return name == "prior.resistance" and "prior.eddy" in values
 
 

@@ -1,14 +1,17 @@
-"""The tuning of `Mhe` that goes with the size of a device: error of the model and windows, from what records show.
+"""The tuning of estimators that goes with the size of a device: of `Mhe` error of the model and windows, from what
+records show; of `Ekf` and `Ertss` process noise, from a table and the supply.
 
 The defaults are those of a valve of 0.4 A that moves within 2 ms, and stay as they are where they fit.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from gapsense.estimators.ekf import USUAL
 from gapsense.estimators.mhe.model import Parameters
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.measurements.signals import edges, true_runs
@@ -18,9 +21,12 @@ from gapsense.identification.valve.model import JUMP, Trajectory
 LARGEST = 5e-3  # of the largest current: a model's error that is no more than believed
 SLOW = 2.0  # times `window.tail`, that a motion may last with it
 ROOM = 2.0  # times what an operation needs, that the longest window is
-MOST = 1998  # samples of a window, of the 2000 that `Mhe` has
+MOST = 1998  # samples of a window; `Mhe` has 2000
 FINEST = 0.075  # of `window.tail`, that a sample may last
 DIGITS = 4
+SOLID = 5e3  # S; eddy currents of a solid core, for one turn, that nobody has told
+DRIFT = 8e-3  # of the voltage: what is wrong of its integral
+MEMORY = 0.66e-3  # s; with which they forget an error of the current
 
 
 def scaled(
@@ -40,6 +46,14 @@ def scaled(
     }
     rounded = {name: float(f"{x:.{DIGITS}g}") for name, x in found.items()}
     return {name: x for name, x in rounded.items() if x != getattr(known, name.replace(".", "_"))}
+
+
+def process_noise(volts: float, turns: float, error: float) -> dict[str, float]:
+    """That of `Ekf` and `Ertss` for a device of which only the static model is known, and that to `error` [A]."""
+    off = math.hypot(error, SOLID * volts / turns**2)
+    rate = math.sqrt(2.0 * USUAL / MEMORY)
+    found = {"process.flux_linkage": DRIFT * volts * USUAL, "process.current_error": off * rate}
+    return {name: float(f"{x:.{DIGITS}g}") for name, x in found.items()}
 
 
 def spans_of(record: Record, model: Trajectory) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from gapsense.report.table import quantity, table
 
 REFERENCE = 20.0  # degC
 LEAST = 10.0  # K between the coldest and the hottest record
-METALS = (3.6e-3, 4.5e-3)  # 1/K, of those that coils are wound of: copper, aluminium, silver
+METALS = (3.6e-3, 4.5e-3)  # 1/K, of the metals of coils: copper, aluminium, silver
 SIGMAS = 3.0
 EXACT = 1e-5  # relative error of a resistance without any noise: that of the sums
 COLDEST, HOTTEST = -60.0, 350.0  # degC that a coil bears

@@ -27,7 +27,7 @@ class Format(NamedTuple):
 
     rounder: float  # what has been added to it is a whole number
     ln2: tuple[float, float]  # with so few digits that its product with n is exact, and what that lacks
-    normal: tuple[float, float]  # where exp and what it is made of are normal numbers
+    normal: tuple[float, float]  # range in which exp and its factors are normal numbers
     ends: tuple[float, float]  # beyond, exp is zero or infinite
     E: Sequence[float]
     least: float  # normal number

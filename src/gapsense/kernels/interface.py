@@ -101,7 +101,7 @@ def table(description: str, columns: tuple[str, ...], start: str, name: str = ""
 
 
 def part(feedthrough: tuple[str, ...] = HERE) -> Any:
-    """A field that holds a record of outputs; `feedthrough` if it is not that of the others."""
+    """A field that holds a record of outputs; `feedthrough` if it differs from that of the other outputs."""
     return Part(feedthrough)
 
 
@@ -126,7 +126,7 @@ def ports(feedthrough: tuple[str, ...] = ()) -> Callable[[T], T]:
 
 
 def _found(name: str, value: Any) -> Any:
-    """What a field says, which may be what another record says of that name."""
+    """The port of a field; that of another record's field of this name, if the field says so."""
     if not isinstance(value, Same):
         return value
     return _depending(next(port for field, port in _said(value.record) if field == name), value.feedthrough)

@@ -70,7 +70,7 @@ def parts(cls: type) -> dict[str, Any]:
 
 
 def choices(cls: type) -> dict[str, tuple[str, ...]]:
-    """Names of the choices of every field that has them, also in the records that it holds."""
+    """Names of the choices of every field that has them, also in nested records."""
     found: dict[str, tuple[str, ...]] = {}
     for name, note in _notes(cls).items():
         found |= choices(note) if _is_record(note) else {}

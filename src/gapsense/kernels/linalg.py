@@ -16,7 +16,7 @@ import numpy as np
 
 from gapsense.kernels.trace import cond, is_traced, sqrt, where
 
-ROUNDING = 1e-13  # part of a variance below which what is left of it is but rounding
+ROUNDING = 1e-13  # share of a variance below which the rest is only rounding
 
 
 def vector(items: Sequence[Any]) -> Any:
@@ -56,9 +56,9 @@ def outer(a: Any, b: Any) -> Any:
 
 
 def swept(A: Any) -> Any:
-    """A symmetric positive definite matrix with its first row and column swept, as the last ones.
+    """A symmetric positive definite matrix with its first row and column swept, and moved to the end.
 
-    After as many turns as it has rows it is minus its inverse, with the rows in their old order.
+    After as many turns as it has rows, the result is minus its inverse, with the rows in their old order.
     """
     p, row = pivot(A[0, 0]), A[0, 1:]
     rest = A[1:, 1:] - outer(row, row / p)

@@ -158,7 +158,7 @@ class Feeder:
                 yield self.landed.get_nowait()
 
     def entries(self, future: Any, numbers: list[int]) -> list[Entry]:
-        """What a task has answered; of one that has ended its workers, its runs are tried one by one."""
+        """Answers of a task. If a task has killed its workers, its runs are tried one by one."""
         try:
             entries: list[Entry] = future.result(timeout=PATIENCE)
         except KilledWorker as error:
@@ -242,7 +242,7 @@ def packed(many: Many) -> Pack:
     return Pack(replace(many, scenario=replace(scenario, path=scenario.path.resolve(), files=whole)), contents)
 
 
-# The side of a worker: what every one gets once, and the processes that it keeps for it.
+# The side of a worker: what each worker gets once, and the processes that it keeps.
 
 
 REST = 60.0  # seconds after which a process is ended that nobody asks

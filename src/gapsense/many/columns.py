@@ -98,7 +98,7 @@ def from_facts(facts: Mapping[str, Any]) -> Columns:
 
 
 def contents(columns: Columns, entries: Iterable[Mapping[str, Any]]) -> tuple[Contents, dict[str, Contents]]:
-    """Runs as a store takes them: numbers, and where there is any why it failed, what has ended it, signals."""
+    """Runs as a store takes them: numbers, and where they exist a failure, what has ended the run, and signals."""
     runs: Contents = {}
     more: dict[str, Contents] = {ERRORS: {}, WORDS: {}, SIGNALS: {}}
     for entry in entries:

@@ -16,7 +16,7 @@ LEAST = 1e-9  # probability that the limits of a distribution may leave at least
 
 
 class Distribution(NamedTuple):
-    """The keys that it needs and those that it takes, its quantiles, and what is wrong with its numbers, or nothing."""
+    """A distribution: the keys that it needs and accepts, its quantiles, and a check of its numbers."""
 
     needs: tuple[str, ...]
     takes: tuple[str, ...]

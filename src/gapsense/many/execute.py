@@ -1,4 +1,4 @@
-"""Do the runs that are missing, by vectors, by processes here or on a cluster, and keep each as it ends."""
+"""Do the runs that are missing, and keep each as it ends: as vectors, in processes here, or on a cluster."""
 
 from __future__ import annotations
 

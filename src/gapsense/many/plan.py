@@ -48,9 +48,10 @@ def places(port: Port, column: Sequence[Value] | npt.NDArray[Any]) -> set[int]:
 
 @dataclass(frozen=True)
 class Plan:
-    """All runs: point p is one row of every block, the last one fastest; run i is of point i modulo their number.
+    """All runs. A point is one row of every block; the last block varies fastest.
 
-    It adds i to every seed, so that no two have the same noise, or with common noise how often all points are done.
+    Run i is that of point i modulo the number of points. It adds i to every seed, so that no two runs have the same
+    noise. With common noise it adds how often all points were done before.
     """
 
     blocks: tuple[Block, ...]

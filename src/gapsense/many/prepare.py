@@ -21,8 +21,7 @@ from gapsense.cosim.scenario.read import STUDY, by_port, other_kind, read_draft,
 from gapsense.cosim.scenario.records import MOST_RUNS, SECTION, Port, RowsColumn, Scenario, product, signals
 from gapsense.many.columns import OWN, columns_of
 from gapsense.many.draws import DISTRIBUTIONS, points
-from gapsense.many.keys import FACTOR, RANGE, SAMPLE, TRAJECTORIES
-from gapsense.many.keys import STUDY as STUDY_KEYS
+from gapsense.many.keys import SECTIONS
 from gapsense.many.plan import Block, Plan
 from gapsense.many.worker import Many, thrifty
 from gapsense.parameters import is_file, located
@@ -75,14 +74,14 @@ class Reader:
 
     def study(self) -> Study | None:
         """The study, or None if there is no scenario to hold it against."""
-        own = self.table.read(STUDY_KEYS)
+        own = self.table.read(SECTIONS["study"])
         blocks = (*self.rows(own["rows"]), *self.sample(), *self.grid(), *self.ranges())
         plan = Plan(blocks, own["seeds"], own["noise"] == "common")
         if plan.points * plan.seeds > MOST_RUNS:
             found = product((*(block.size for block in blocks), plan.seeds))
             self.table.note("", f"{found} runs found, at most {MOST_RUNS} expected. Shorten something.")
         kept = self.table.table("trajectories")
-        signals = kept.read(TRAJECTORIES) if "trajectories" in self.table.data else {}
+        signals = kept.read(SECTIONS["trajectories"]) if "trajectories" in self.table.data else {}
         return own["scenario"] and Study(
             path=self.path,
             title=own["title"] or "",
@@ -139,7 +138,7 @@ class Reader:
         """Values at even distances, each range a block of its own."""
         for k, item in enumerate(self.table.take("ranges", TABLES, [])):
             table = self.table.child(item, f"ranges[{k}]")
-            own = table.read(RANGE)
+            own = table.read(SECTIONS["range"])
             port = own["parameter"] and split(table, "parameter", own["parameter"])
             if port and is_range(table, own):
                 yield from self.known(table.at("parameter"), {port: spaced(own)})
@@ -149,7 +148,7 @@ class Reader:
         if "sample" not in self.table.data:
             return
         table = self.table.table("sample")
-        own, items = table.read(SAMPLE), table.take("factors", TABLES, required=True)
+        own, items = table.read(SECTIONS["sample"]), table.take("factors", TABLES, required=True)
         tables = [table.child(item, f"factors[{k}]") for k, item in enumerate(items or ())]
         if items == []:
             table.note("factors", "there is none. Add a table `[[sample.factors]]`.")
@@ -177,7 +176,7 @@ class Reader:
 
 def read_factor(table: Table) -> tuple[Table, Port, Mapping[str, Any]] | None:
     """What one factor says, or None after noting what is wrong with it."""
-    before, own = len(table.problems), table.read(FACTOR)
+    before, own = len(table.problems), table.read(SECTIONS["factor"])
     port = own["parameter"] and split(table, "parameter", own["parameter"])
     if own["distribution"] is None:
         return None

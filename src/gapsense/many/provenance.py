@@ -16,7 +16,7 @@ from gapsense.cosim.scenario.records import Scenario
 from gapsense.shipped import COMPONENTS, INSTALLED, PACKAGE, SCENARIOS
 
 EVENTS = "events."  # before the name of a key of an event, where others have the name of their component
-SOURCES = (".py", ".c", ".h", ".csv")
+SOURCES = (".py", ".c", ".h", ".csv", ".toml")
 
 
 def key(facts: Any) -> str:

@@ -95,7 +95,7 @@ class Campaign:
         return found
 
     def read(self) -> Iterator[Vector]:
-        """The same from the store; an InputError if it has other runs by now."""
+        """The campaign read from its store again; an InputError if the store has other runs by now."""
         count = 0
         for contents in self.store.contents():
             count += len(contents)
@@ -232,10 +232,6 @@ def read_campaign(folder: str | Path, hold: bool = False) -> Campaign:
         The folder that it was written to.
     hold : bool
         Read all later columns as they are now, whatever a campaign that is at work adds meanwhile.
-
-    Returns
-    -------
-    Campaign
 
     Raises
     ------

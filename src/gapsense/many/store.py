@@ -1,7 +1,8 @@
-"""Runs that were done, in a SQLite file: each is on the disk before it counts, and whatever is kept has a checksum.
+"""Runs that were done, in a SQLite file. Each run is on the disk before it counts, and everything has a checksum.
 
-One file may hold runs under several keys.  A write-ahead log takes what is new, so that others read meanwhile; it is
-gone when the writer has closed the file.  What is damaged is told: a reader refuses it, the writer keeps the rest.
+One file may hold runs under several keys. New runs go to a write-ahead log, so that others can read at the same time.
+The log is gone when the writer has closed the file. Damage is reported: a reader refuses the file, the writer keeps
+what is whole.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ GROUP = 31**2  # rows that are in memory at once, the square of an odd number fo
 PAGE = 4096  # bytes
 WRITTEN_BY, NEWEST = 18, 2  # byte with the version of the format, and the last one that SQLite writes
 LOG_HEAD, FRAME_HEAD = 32, 24  # bytes of the write-ahead log: at its begin, and before each page
-BITS = 48  # of the number of a run, behind that of its key
+BITS = 48  # for the number of a run, below that of its key
 REMOTE = {"nfs", "nfs4", "cifs", "smb3", "smbfs", "afs", "9p", "ceph", "lustre", "fuse.sshfs"}
 MOUNTS = Path("/proc/self/mounts")
 OF_DAMAGE = ("malformed", "unsupported", "no such table", "no such column", "not a database", "Could not decode")
@@ -212,8 +213,8 @@ def payload(content: bytes) -> bytes:
 def are_whole(contents: Sequence[Any]) -> bool:
     """Whether contents are as they were written.
 
-    A CRC is linear: the exclusive or of an odd number of whole contents of one length is whole.  So those of a square
-    are looked at row by row and column by column; the same damage of two of them shows in one or the other.
+    A CRC is linear: the exclusive or of an odd number of whole contents of one length is whole. So contents are laid
+    out in a square and checked by rows and by columns. If two have the same damage, it shows in one or the other.
     """
     try:
         side, (length, *others) = isqrt(len(contents)), {*map(len, contents)}
@@ -262,7 +263,7 @@ def reading(file: Path) -> sqlite3.Connection:
 
 
 def writing(file: Path | None) -> sqlite3.Connection:
-    """The file, made if need be; what is damaged in it is told and forgotten."""
+    """The file, opened for writing and made if need be; damaged entries are reported and deleted."""
     if file is None:
         return prepared(knowing(sqlite3.connect(":memory:", isolation_level=None)))
     file.parent.mkdir(parents=True, exist_ok=True)
@@ -297,7 +298,7 @@ def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
 
 
 def mode_of(file: Path) -> str:
-    """How SQLite keeps a change whole: by a write-ahead log, which needs memory that all who read or write share."""
+    """How SQLite keeps a change whole. A write-ahead log needs memory that all readers and writers share."""
     if is_remote(file):
         LOG.warning("%s: on a network file system there is no write-ahead log, and each run takes longer.", file)
         return "DELETE"

@@ -15,7 +15,7 @@ Bounds = tuple[float, float]
 Vector = npt.NDArray[np.float64]
 SAMPLED = 50_000  # runs of which correlations are computed
 LEVELS = (0.0, 0.05, 0.5, 0.95, 1.0)
-MOST_LEVELS = 12  # values of a parameter that are shown one by one
+MOST_LEVELS = 12  # a parameter with at most so many values is shown value by value
 BINS = 60
 MANY, OUTERMOST = 1000, 0.001  # of more runs than these a share at both ends is left out of the bins
 LAYERS = 20  # of a parameter
@@ -77,7 +77,7 @@ def leading(campaign: Campaign) -> dict[str, Leading]:
 
 
 def correlations(campaign: Campaign) -> dict[str, list[Leading]]:
-    """For each metric all parameters that are numbers, first that which it goes with most."""
+    """Correlations of each metric with all parameters that are numbers, the largest first."""
     factors, metrics = numeric(campaign), campaign.metrics
     if not factors or campaign.rows < 3:
         return {}

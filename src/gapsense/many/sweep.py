@@ -128,10 +128,6 @@ def sweep(
     engine : str
         `"fmu"`: the FMUs; `"native"`: those in `build/native`; `"vectors"`: our own components without FMUs, many runs
         at once, with the same bits; `"auto"`: vectors where a C compiler is and all FMUs are ours, else the FMUs.
-
-    Returns
-    -------
-    Sweep
     """
     refuse_unknown(engine)
     file_of = None if isinstance(scenario, Document) else scenario_file(scenario)
@@ -214,7 +210,7 @@ def key_of(scenario: Scenario, fmus: Mapping[str, Description], measure: Measure
 
 
 def unusable(store: Store, many: Many) -> Iterator[int]:
-    """Runs that are done again: those that failed, and those whose kept signals are gone or damaged, which is told."""
+    """Runs that have to be done again: they failed, or their signals are gone or damaged, which is told."""
     yield from store.runs(ERRORS, len(many.plan)).tolist()
     if many.folder is None:
         return
@@ -257,7 +253,7 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
     )
 
 
-# Its table as a CSV file, and a JSON file beside it that says of what it is and what failed.
+# The table as a CSV file, and a JSON side-car with what it is a table of and which runs failed.
 
 
 def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:

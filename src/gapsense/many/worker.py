@@ -1,4 +1,4 @@
-"""Many runs of a scenario: what workers need to know of them, here or on a cluster, and how one of them does them."""
+"""Many runs of a scenario: what a worker needs to know, here or on a cluster, and how it does one run."""
 
 from __future__ import annotations
 

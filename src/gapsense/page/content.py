@@ -25,7 +25,7 @@ SPAN = 4.0  # from the least value of a slider to the given one, and from that t
 
 
 def content(subject: Subject, result: Result) -> dict[str, Any]:
-    """All that the scripts need to know, of JSON."""
+    """Everything that the scripts of a page need, as JSON."""
     scenario, experiment = subject.scenario, subject.scenario.experiment
     components = plan.values(subject, subject.taken())
     return {
@@ -52,7 +52,7 @@ def content(subject: Subject, result: Result) -> dict[str, Any]:
 
 
 def constants(subject: Subject) -> Iterator[tuple[str, list[int]]]:
-    """Parameters that metrics refer to, and where the module has them."""
+    """Parameters that metrics refer to, with their places in the module."""
     for name in dict.fromkeys(m.reference for m in subject.scenario.metrics):
         if isinstance(name, str) and name not in subject.about:
             component, _, parameter = name.partition(".")
@@ -61,9 +61,9 @@ def constants(subject: Subject) -> Iterator[tuple[str, list[int]]]:
 
 
 def panels(scenario: Scenario, result: Result) -> Iterator[dict[str, Any]]:
-    """Panels as a report has them, with where their curves come from in place of their values.
+    """Panels as in a report, with where their curves come from instead of their values.
 
-    First come those that the scenario wants first, then those in which something is compared.
+    Those that the scenario names come first, then those in which something is compared.
     """
     shown = Shown(file=Path(), result=result, scenario=scenario, note="", events=())
     pairs = {pair.signal: pair for pair in run.pairs(shown)}
@@ -91,7 +91,7 @@ def place_of(panel: Panel, scenario: Scenario) -> int:
 def drawn(
     curve: Curve, entry: Entry, is_error: bool, pair: Metric | None, band: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """A curve: a signal, or what it differs by from its reference; one that is published later is about other times."""
+    """A curve: a signal, or its difference from a reference. If it is published later, it has times of its own."""
     is_of_samples = pair is not None and (is_error or not curve.is_held)
     keys = {key: getattr(pair, key) for key in ("time", "where")} if is_of_samples else {}
     return {
@@ -106,7 +106,7 @@ def drawn(
 
 
 def band(result: Result, name: str) -> dict[str, Any] | None:
-    """What the band of a signal comes from, where it has one."""
+    """What the band of a signal is made of, if it has one."""
     signal = deviation(result, name)
     return {"signal": signal, "isVariance": signal.endswith(VARIANCE), "sigmas": SIGMAS} if signal else None
 
@@ -133,7 +133,7 @@ def metric(of: Metric, result: Result) -> dict[str, Any]:
 
 
 def controls(subject: Subject) -> Iterator[dict[str, Any]]:
-    """What the reader may change: what the scenario names, or else the first tunable numbers that it gives."""
+    """What the reader may change: what the scenario names, or else the first tunable numbers that it sets."""
     tunable = (
         f"{name}.{parameter}"
         for name in subject.order.names
@@ -158,7 +158,9 @@ def controls(subject: Subject) -> Iterator[dict[str, Any]]:
 
 
 def scale(port: Port, value: float) -> Mapping[str, Any]:
-    """Ends of a slider and the unit beside it; by and large four times as much and as little as the scenario gives.
+    """Ends of a slider, and the unit beside it: about four times as much and as little as the scenario gives.
+
+    Parameters that begin at zero go as far as is usual for them.
 
     Parameters that begin at zero go as far as is usual for them.
     """

@@ -1,7 +1,8 @@
 """The WebAssembly module of a scenario: its components, compiled as for native FMUs, and the loop over base steps.
 
-The sources are those of the native FMUs, unchanged. They know their component as `model`, and its arrays as `arrays`:
-macros make these another name for each component, and in the shell, which is there once, that of the one that acts.
+The sources are those of the native FMUs, unchanged. They call their component `model`, and its arrays `arrays`. For
+each component, macros turn these names into other ones. The shell exists once; there the names stand for the component
+that acts.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def module(names: Iterable[str], plan: str) -> bytes:
 
 
 def refuse_without_zig() -> None:
-    """Raise a NativeError that says what to install, where the compiler is missing or another one."""
+    """Raise a NativeError that says what to install if the compiler is missing or is another version."""
     if zig_version() != ZIG:
         found = f"A page is compiled by ziglang {ZIG}, found {zig_version() or 'none'}."
         raise NativeError(f"{found} Run `pip install ziglang=={ZIG}`.")

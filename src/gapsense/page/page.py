@@ -1,4 +1,4 @@
-"""The file: the module, what it is given and how its results are shown, and a policy that lets nothing be fetched."""
+"""The HTML file of a page: the module, its data, the scripts that show results, and a policy that forbids fetching."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What a page needs of a scenario: wires and grid as C, the rest as JSON.
+"""A scenario for a page: wires and time grid as C, everything else as JSON.
 
-No number is in both, and no text about ports is written here: it comes from where modelDescription.xml has it.
+No number is in both. Texts about ports come from the same place as in modelDescription.xml.
 """
 
 from __future__ import annotations

@@ -75,10 +75,6 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
         Its result.
     metrics, factors : sequences of str
         Those that are shown, by default the first ones.
-
-    Returns
-    -------
-    Figure
     """
     from gapsense.report import plot
 

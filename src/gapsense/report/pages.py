@@ -85,7 +85,7 @@ def line(tag: str, cells: Sequence[str], texts: int) -> str:
     return f"<tr>{''.join(made)}</tr>"
 
 
-# Results as tables of pandas, which is optional.
+# Results as pandas tables; pandas is optional.
 
 
 def frame(columns: Mapping[str, Any], name: str, index: Any, units: Mapping[str, str]) -> Any:

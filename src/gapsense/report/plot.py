@@ -182,7 +182,7 @@ def legend(axis: Any) -> None:
 
 
 def legend_below(figure: Figure) -> None:
-    """One legend for all panels, below them: that of the first one that has labels."""
+    """One legend for all panels, below them; its labels are those of the first panel that has any."""
     handles, labels = next(filter(any, (axis.get_legend_handles_labels() for axis in figure.axes)))
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
@@ -198,7 +198,7 @@ def recorded(result: Recorded, names: Iterable[str]) -> None:
 
 
 def signals(result: Recorded, patterns: Sequence[str]) -> Figure:
-    """The recorded signals that match one of the patterns, by default all, one panel per unit."""
+    """The recorded signals that match one of the patterns, by default all, in one panel per unit."""
     missing = [pattern for pattern in patterns if not matching([pattern], result.signals)]
     if missing:
         raise InputError([f"`{pattern}` was not recorded. {suggest(pattern, result.signals)}" for pattern in missing])
@@ -213,7 +213,7 @@ def overview(result: Recorded, chosen: Sequence[str] = ()) -> Figure:
     labels = [label([name.partition(".")[2] for name in names], result.units[names[0]]) for names in panels]
     figure, axes = stack(result.run.title, labels)
     for names, axis in zip(panels, axes):
-        for k, name in enumerate(names):  # thinner and thinner, so that curves that coincide are all seen
+        for k, name in enumerate(names):  # each thinner than the last, so that all show where they coincide
             width = 1.0 + 1.5 * (len(names) - 1 - k) / MOST
             line(axis, result.times, display(result.units[name])[1] * result[name], f"C{k}", name, linewidth=width)
         shade(axis, result)

@@ -111,7 +111,7 @@ def boards(result: Result) -> list[Table]:
 
 
 def board_rows(result: Result) -> list[tuple[str, ...]]:
-    """A row for each component on a board, and one for all those that share one."""
+    """A row for each component on a board, and one for each board that several components share."""
     rows: list[tuple[str, ...]] = []
     shared: dict[str, list[list[float]]] = {}
     for name, of in result.run.boards.items():

@@ -58,7 +58,7 @@ def of_key(section: Section, key: Key, is_partial: bool) -> dict[str, Any]:
 
 def of_value(key: Key) -> dict[str, Any]:
     """Schema of a value that is no table."""
-    made = {**key.kind.schema, "description": key.what}
+    made = {**key.kind.schema, "description": f"{key.what} [{key.unit}]" if key.unit else key.what}
     if key.choices:
         made["enum"] = list(key.choices)
     return made if key.default is None else {**made, "default": key.default}

@@ -1,15 +1,15 @@
 """Sensor: voltage and current as a data-acquisition system sees them, and the mode from a contact.
 
-Each sample of voltage and current goes through gain and offset error, noise, saturation, quantisation, in this order:
-errors and noise arise in the analogue part; the converter then clips what it gets and codes it last, so that every
-output is a code of the converter.  (If the range is no multiple of the resolution, the outermost code lies up to half a
-step outside it.)  A lost sample leaves all outputs as they were.
+Each sample of voltage and current gets gain and offset error, noise, saturation and quantisation, in this order. Errors
+and noise arise in the analogue part. The converter then clips and codes, so that every output is a code of the
+converter. (If the range is no multiple of the resolution, the outermost code lies up to half a step outside it.) A lost
+sample leaves all outputs as they were.
 
-A contact that bounces opens again after the sample with which it closes, for as many samples as `contact_bounce` says,
-closes for one, opens for one sample less than before, and so on until it stays closed.
+A contact that bounces opens again after the sample with which it closes, for `contact_bounce` samples. It then closes
+for one sample, opens for one sample less than before, and so on until it stays closed.
 
-The draws of a sample are always the same: voltage noise, current noise, loss.  Switching one of them on or off, or
-changing its size, leaves the others bit for bit as they were.
+Every sample draws the same random numbers: voltage noise, current noise, loss. If you switch one of them on or off, or
+change its size, the others stay the same bit for bit.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
 
 
 def _bounced(before: Contact, mode: Scalar, longest: Scalar) -> tuple[Contact, Scalar]:
-    """The contact at a sample, and the mode that it shows; each opening is a sample shorter than the one before."""
+    """The contact at a sample, and the mode that it shows. Each opening is one sample shorter than the one before."""
     is_closed = (mode == LOWER) | (mode == UPPER)
     closes, is_open = is_closed & (before.closed == MOVING), before.open_left > 0.0
     following = where(before.opening > 0.0, before.opening - 1.0, 0.0)
@@ -164,7 +164,7 @@ def _converted(x: Scalar, limit: Scalar, q: Scalar) -> Scalar:
 
 
 def _mode(position: Scalar, mode: Scalar, par: Parameters) -> Scalar:
-    """Mode by thresholds: a contact closes past its threshold, opens `contact_hysteresis` beyond; the lower wins."""
+    """Mode by thresholds: a contact closes past its threshold and opens `contact_hysteresis` beyond; the lower wins."""
     lower = par.contact_lower + where(mode == LOWER, par.contact_hysteresis, 0.0)
     upper = par.contact_upper - where(mode == UPPER, par.contact_hysteresis, 0.0)
     # an open contact closes only past its threshold, a closed one stays closed on its opening point

@@ -544,8 +544,8 @@ class Wiring:
     def way(self, sink: Node, units: Mapping[Node, str], given: Collection[Node]) -> Way | None:
         """Where an input of a component gets its value from, or None if nothing is connected to it.
 
-        That is an output of a component, or the outermost connector of a system on the way that is `given` a value.
-        `units` has those of the variables of components, which go before what the structure says.
+        That is an output of a component, or an outermost connector of a system on the way, which is `given` a value.
+        `units` has the units of the variables of components; they take precedence over those of the structure.
         """
         steps: list[tuple[Node, Link]] = []
         node = sink

@@ -38,13 +38,13 @@ def carried(scenario: Scenario, document: Document) -> dict[str, Any]:
 
 
 def differing(component: Component) -> dict[str, Any]:
-    """How a component runs, where that is not as usual."""
+    """How a component runs, where that differs from the default."""
     usual = Component("", "")
     return {key: getattr(component, key) for key in OF_COMPONENTS if getattr(component, key) != getattr(usual, key)}
 
 
 def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
-    """One sentence on everything that other tools do not see, or that is left out."""
+    """One sentence on each thing that other tools do not see, or that is left out."""
     experiment = scenario.experiment
     if experiment.method != "jacobi":
         yield f"experiment.method: only Gapsense's annotation has `{experiment.method}`; SSP has no coupling."

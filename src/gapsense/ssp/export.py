@@ -31,7 +31,7 @@ Values = list[tuple[Variable, Value]]
 
 @dataclass(frozen=True)
 class Exported:
-    """What is written, and what other tools will not see of it, one sentence each."""
+    """The files that were written, and what other tools will not see of the scenario, one sentence each."""
 
     scenario: Scenario
     descriptions: Mapping[str, Description]
@@ -126,7 +126,7 @@ def export(source: Source, path: Path, variant: str | None = None, fmus: str | P
 
 
 def merged(source: Source, variant: str | None) -> Document:
-    """Content of the scenario with its variant, of which it is known that it can be read."""
+    """Content of the scenario merged with its variant, which is known to be readable."""
     problems: list[str] = []
     document = read_document(source, problems)
     chosen = document and document.with_variant(variant, problems)
@@ -225,13 +225,13 @@ def add_experiment(root: Element, made: Exported) -> None:
 
 
 def changed_values(made: Exported) -> Iterator[tuple[str, Variable, Value]]:
-    """Values by `component.variable` that are not what the FMU starts with anyway."""
+    """Values by `component.variable` that differ from the start values of the FMU."""
     for name in made.scenario.components:
         yield from ((f"{name}.{v.name}", v, value) for v, value in made.values(name) if v.number(value) != v.start)
 
 
 def all_values(made: Exported) -> bytes:
-    """All these values in one set, for tools that are given one."""
+    """All these values in one set, for tools that read only one."""
     return written(parameter_set(made.scenario.name, changed_values(made)))
 
 
@@ -271,7 +271,7 @@ def add_connector(parent: Element, variable: Variable, units: Units, enumeration
 
 
 def add_connection(parent: Element, link: Connection, is_other_unit: bool) -> None:
-    """A connection; one that converts the unit by its factor must not have it converted once more."""
+    """A connection. If its factor converts the unit, other tools must not convert it again."""
     ends = ("start", link.source), ("end", link.target)
     names = {f"{end}{kind}": name for end, port in ends for kind, name in zip(("Element", "Connector"), port)}
     suppress = "true" if link.converts and is_other_unit else None

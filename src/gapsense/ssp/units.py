@@ -35,7 +35,7 @@ class Line(NamedTuple):
     offset: float = 0.0
 
     def then(self, other: Line) -> Line:
-        """Another line after this one; nothing is computed where one of them changes nothing."""
+        """Another line after this one; if one of them changes nothing, the other is returned as it is."""
         if other == Line():
             return self
         return other if self == Line() else Line(other.factor * self.factor, other.factor * self.offset + other.offset)

@@ -19,7 +19,7 @@ Node = tuple[Place, str]  # an element and a name in it: a variable, or a connec
 
 
 class Given(NamedTuple):
-    """A value with its unit, what that means in its document, and where it is from."""
+    """A value with its unit, what the unit means in its document, and the place it comes from."""
 
     value: Value
     unit: str
@@ -47,7 +47,7 @@ class Reader:
         self.unused: dict[tuple[str, str], str] = {}
 
     def read(self, element: Element) -> None:
-        """Values of an element and all below it; those of the outer ones are read later, and so win."""
+        """Values of an element and everything below it. Outer ones are read later, and so win."""
         for inner in element.elements.values():
             self.read(inner)
         for xml in element.xml.iterfind(f"{tag('ssd:ParameterBindings')}/{tag('ssd:ParameterBinding')}"):
@@ -110,7 +110,7 @@ class Reader:
                 )
 
     def mapped(self, values: Mapping[str, Given], root: Xml) -> dict[str, Given]:
-        """Values by the names that a mapping gives them; what it does not name is left out."""
+        """Values by the names that a mapping gives them; what the mapping does not name is left out."""
         out: dict[str, Given] = {}
         entries = [*root.iterfind(tag("ssm:MappingEntry"))]
         for xml in entries:
@@ -150,7 +150,7 @@ def target(element: Element, name: str) -> Node | None:
 
 
 def parsed(kind: str, text: str) -> Value | None:
-    """A value of SSP as TOML has it, or None if it has none."""
+    """A value of SSP as TOML writes it, or None if TOML cannot."""
     if kind in ("String", "Enumeration"):
         return text
     if kind == "Boolean":

@@ -28,7 +28,7 @@ SCHEMAS = {
 
 
 def numbered(stem: str, ending: str = "") -> Iterator[str]:
-    """`stem`, `stem_1` and so on, with an ending: of several of one name each takes the first that is free."""
+    """`stem`, `stem_1` and so on, with an ending: the first of these names that is free."""
     return (f"{stem}{f'_{k}' if k else ''}{ending}" for k in count())
 
 
@@ -39,7 +39,7 @@ def tag(name: str) -> str:
 
 
 def plain(name: str) -> str:
-    """Name of an element as ElementTree has it with the usual prefix of its namespace, if that is known."""
+    """Name of an element as ElementTree has it, with the usual prefix of its namespace if that is known."""
     space, _, local = name.removeprefix("{").rpartition("}")
     prefix = next((prefix for prefix, uri in PREFIXES.items() if uri == space), space)
     return f"{prefix}:{local}" if prefix else local

@@ -1,7 +1,7 @@
-"""Studies: what repeats the papers stands beside its scenario, `scenarios/<name>/study.py`; here is what they share.
+"""What studies share. What repeats a paper stands beside its scenario, in `scenarios/<name>/study.py`.
 
-A `study.py` registers commands (`cli.common.study`) and figures (`FIGURES`).  It loads at each start of the
-command line, so what is heavy loads in its functions.  The files are found by walking: there is no list of them.
+A `study.py` registers commands (`cli.common.study`) and figures (`FIGURES`). It loads at each start of the command
+line, so it loads heavy packages inside its functions. The files are found by walking: there is no list of them.
 """
 
 from collections.abc import Callable
@@ -21,7 +21,7 @@ FIGURES = {"overview": "gapsense.report.plot:overview"}  # `module:function` by 
 
 
 def drawer(kind: str) -> Callable[[Any], Any]:
-    """Function from a result to the figure of a kind; a ValueError tells what there is, before a long run."""
+    """Function from a result to the figure of a kind. A ValueError lists the kinds there are, before a long run."""
     for name in modules():
         import_module(name)
     if kind not in FIGURES:

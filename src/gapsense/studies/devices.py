@@ -1,6 +1,6 @@
-"""The devices of the papers in Python: what the port tables in fmus/ say, so that each number stands once; their runs.
+"""The devices of the papers for Python, from the port tables in fmus/, so that each number stands once; their runs.
 
-[SEMERA] does not print the resistance of its valve: Table III's 1.5 ohm is |r - 77.5 ohm|.  The gap law of [RTS] is
+[SEMERA] does not print the resistance of its valve: Table III's 1.5 ohm is |r - 77.5 ohm|. The gap law of [RTS] is
 ours.
 """
 

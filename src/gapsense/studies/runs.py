@@ -33,12 +33,12 @@ Signals = npt.NDArray[np.float64]  # (rows, names)
 
 
 def after(progress: Progress, before: int, total: int, each: int = 1) -> Callable[[int], None]:
-    """What a part tells of what it has done, with what was done before it counted; `each` counts as so many."""
+    """A progress function for a part of the work: `before` was done already, and each unit counts as `each`."""
     return lambda done: progress(before + each * done, total)
 
 
 def overlaid(scenario: Path, tables: Mapping[str, Any]) -> Document:
-    """A scenario with tables laid over those of its file, as a variant's are."""
+    """A scenario with tables laid over those of its file, as those of a variant are."""
     problems: list[str] = []
     document = read_document(scenario, problems)
     if document is None:
@@ -54,7 +54,7 @@ def signals(
     seeds: Sequence[int] | None = None,
     engine: str = VECTORS,
 ) -> Iterator[tuple[int, Signals | None]]:
-    """Number of each run, in any order, and its signals; nothing of a run in which a component fails.
+    """Number of each run, in any order, and its signals; None for a run in which a component fails.
 
     Parameters
     ----------
@@ -119,10 +119,10 @@ def compute(
 ) -> Answers:
     """Results of `function(setting, task)` for all tasks; the number of `workers` does not change them.
 
-    The function stands at the top level of a module, which the workers import.  `setting`, which all tasks share, the
-    tasks and the results are of JSON.  `file` takes each result as soon as it is there, and has it after a Ctrl-C,
-    which is a KeyboardInterrupt; what is there for the same code, setting and task is not computed again.  `progress`
-    is called after each task with tasks done and tasks in all.
+    The function stands at the top level of a module, which the workers import. Tasks, results and `setting`, which all
+    tasks share, must be valid JSON. `file` keeps each result as soon as it is there, also after a Ctrl-C, which raises
+    a KeyboardInterrupt. What is there for the same code, setting and task is not computed again. `progress` is called
+    after each task with the tasks done and the tasks in all.
     """
     if workers < 1:
         raise ValueError(f"{workers} workers found, at least 1 expected. Correct `--workers`.")
@@ -144,7 +144,7 @@ def compute(
 
 
 def answers(request: Facts) -> Callable[[int], Facts]:
-    """Function that a worker answers the number of a task with."""
+    """Function with which a worker answers the number of a task."""
     function, setting, tasks = imported(request["function"]), request["setting"], request["tasks"]
     return lambda n: {"result": function(setting, tasks[str(n)])}  # names in JSON are texts
 

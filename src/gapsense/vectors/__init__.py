@@ -1,5 +1,5 @@
-"""A scenario of our own components over many runs at once: their kernels in C, in the order of its wires, without FMUs.
+"""Runs of a scenario of our own components, many at once, without FMUs: kernels in C, in the order of the wires.
 
-A run has the bits that it has through FMUs. What a kernel or its FMU would refuse is not done here: such a run is lost,
-and whoever wants to know why does it again through FMUs.
+A run has the same bits as through FMUs. If a kernel or its FMU would refuse something, the run is given up here. Do it
+again through FMUs to see why.
 """

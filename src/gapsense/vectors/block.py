@@ -1,4 +1,4 @@
-"""A few runs at once, as many as a vector has numbers: their values, their events, and what they recorded."""
+"""A few runs at once, as many as a vector of the processor has numbers: values, events, and what is recorded."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ class RunPart:
 
 
 class Block:
-    """Runs of a model, one for each of `takes`: at most as many as a vector has numbers.
+    """Runs of a model, one for each of `takes`; at most as many as a vector has numbers.
 
-    `go_on` is called now and then, and may raise what ends them.
+    `go_on` is called now and then. It may raise an exception, which ends the runs.
     """
 
     def __init__(self, model: Model, takes: Sequence[Take], go_on: Callable[[], None]) -> None:
@@ -73,7 +73,7 @@ class Block:
         return [None if lost[lane] else self.recording(lane, wall) for lane in range(self.count)]
 
     def lose(self, lane: int) -> None:
-        """Give up a run: through FMUs it would fail, or its parameters do not fit those of the others."""
+        """Give up a run that would fail through FMUs, or whose parameters do not fit those of the others."""
         self.values[self.model.failed, lane] = 1.0
 
     def prepare(self, place: int) -> None:
@@ -140,7 +140,7 @@ class Block:
         self.alike()
 
     def connect_inputs(self) -> None:
-        """From now on inputs have what the scenario gives them: constants, signals, and what outputs drive."""
+        """Give inputs what the scenario says from now on: constants, signals, outputs that drive them."""
         model = self.model
         for _, at in model.members:
             self.values[at.buffered : at.buffered + len(at.functions.component.of("input"))] = 0.0
@@ -160,7 +160,7 @@ class Block:
     # --- base steps ---
 
     def proceed(self) -> None:
-        """Base step after base step, until the end; between them events are prepared for the next one."""
+        """Do base step after base step until the end. In between, events are prepared for the next one."""
         count = self.model.experiment.count
         self.parameters = [dict(parameters_of(self.model, given)) for given in self.given]
         for director, parameters in zip(self.directors, self.parameters):
@@ -180,7 +180,7 @@ class Block:
         return int(self.runs.next) - 1
 
     def provide(self, k: int) -> int:
-        """Have the values of signals that are played, from a base step on; the last one of which there are some."""
+        """Compute the values of played signals from a base step on. Returns the last base step that has values."""
         last = self.player.provide(k)
         self.runs.played, self.runs.played_from = self.player.block.ctypes.data, self.player.begin
         return last

@@ -62,7 +62,7 @@ def own_guid(name: str, is_native: bool) -> str:
         folder = own(name)
     except FileNotFoundError:
         return ""
-    from gapsense.fmi import package  # here, since FMUs of others need none of it
+    from gapsense.fmi import package  # here: not needed for FMUs of others
     from gapsense.fmi.native import parts
 
     return parts.gather(folder, {}).guid if is_native else package.guid(folder)

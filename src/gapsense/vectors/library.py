@@ -1,6 +1,6 @@
-"""What loop.c works on, as it has it, where the numbers of components are in it, and the C libraries.
+"""The records that loop.c works on, the places of the numbers of components in them, and the C libraries.
 
-There is one for the loop, and one for each kernel.
+There is one library for the loop, and one for each kernel.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class Room:
         self.memories: list[int] = []  # numbers in each column that is array memory; 0 for a table
 
     def take(self, count: int) -> int:
-        """First of so many places that nobody had."""
+        """The first of so many free places, which are then taken."""
         self.size += count
         return self.size - count
 

@@ -1,4 +1,4 @@
-"""A scenario as loop.c takes it: which number of a block stands for what, and who acts when."""
+"""A scenario as loop.c takes it: what each number of a block is, and which component acts when."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Model:
         return self.known(found, own, repr(own))
 
     def member(self, component: Component) -> Member:
-        """A component with its places; with Jacobi what it has taken may differ from what is in the buffer."""
+        """A component with its places. With Jacobi, the inputs it has taken may differ from those in the buffer."""
         found = functions(self.subject.descriptions[component.name].name)
         assert found is not None
         inputs, outputs = (self.layout.of(component.name, causality) for causality in ("input", "output"))
@@ -85,7 +85,7 @@ class Model:
         return [library.Stage(*slot, *range(first[name], first[name] + STAGE)) for name, slot in slots.items()]
 
     def samples(self, component: Component, duration: float, period: float) -> Any:
-        """How many samples fall due in each step; none where it is always one, at its end."""
+        """How many samples fall due in each step; None if it is always one, at the end of the step."""
         if not period or period == duration:
             return None
         start, base, elapsed, found = self.experiment.start, self.experiment.base_step, 0.0, []

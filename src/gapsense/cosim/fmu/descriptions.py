@@ -32,7 +32,7 @@ from gapsense.fmi.values import KINDS, ValuesError, fields
 from gapsense.tables import Value
 
 NUMERIC = ("Real", "Integer", "Enumeration")
-TYPES: Mapping[str, str] = {  # of FMI 3.0, by those of FMI 2.0
+TYPES: Mapping[str, str] = {  # types of FMI 3.0 by those of FMI 2.0
     "Float64": "Real",
     "Float32": "Real",
     **{f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)},
@@ -332,10 +332,6 @@ def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
         Co-simulation FMU of FMI 2.0 or 3.0 with a binary for this platform.
     sizes : mapping of str to int, optional
         Values of structural parameters, on which the sizes of arrays depend, other than their start values.
-
-    Returns
-    -------
-    Description
 
     Raises
     ------

@@ -123,7 +123,7 @@ class Callbacks(ctypes.Structure):
 
 
 class Loaded(NamedTuple):
-    """An instance in its library, and what that may call, kept as long as it."""
+    """An instance in its library, and the functions that the library may call; these live as long as the instance."""
 
     library: ctypes.CDLL
     component: int
@@ -362,7 +362,7 @@ class Instance:
         return status <= WARNING and (kind != TERMINATED or bool(value.value))
 
     def state(self) -> bytes:
-        """All that the instance remembers, as `restore` takes it."""
+        """The whole state of the instance, as `restore` takes it."""
         state, size = ctypes.c_void_p(), ctypes.c_size_t()
         self.call("fmi2GetFMUstate", ctypes.byref(state))
         try:
@@ -552,7 +552,7 @@ def is_needed(member: str) -> bool:
 
 @cache
 def home(process: int) -> Path:
-    """Folder for what this process unpacks; it is removed with it, or else by the next one."""
+    """Folder for what this process unpacks. It is removed when the process ends, or by the next process."""
     folder = temporary_folder()
     atexit.register(remove, folder, process)
     return folder

@@ -32,7 +32,7 @@ BAUD = 115200
 LOOK = 0.2  # s between two looks at whether QEMU is still there
 EMULATED = ("-display", "none", "-monitor", "none", "-serial", "none", "-icount", "shift=5", "-semihosting")
 LONGEST = 1 << 17  # bytes of a message, and more than any has
-REMEDIES = {  # by kind, of a board that cannot be reached, and of one that does not answer as a board does
+REMEDIES = {  # by kind: if the board cannot be reached, and if the answer is not that of a board
     "qemu": (
         "Look at the machine and the firmware",
         "Build its firmware for this machine, as `make CPU=cortex-m3` does",
@@ -67,7 +67,7 @@ def wrong_board(board: str, firmware: Path | None) -> str:
 
 def absent(board: str, firmware: Path | None) -> str:
     """What a run with a board needs and this computer has not, or nothing."""
-    if board and os.name != "posix":
+    if os.name != "posix":
         return "board: boards need Linux or macOS. Leave it out."
     if not board.startswith("qemu:") or firmware is None:
         return ""
@@ -303,7 +303,7 @@ class Link:
                     self.troubles.append("answer damaged" if found is None else "request damaged")
                     return None
                 if found[1] == self.sequence:
-                    return found[0], found[2]  # all others are to requests that were repeated
+                    return found[0], found[2]  # other answers belong to requests that were repeated
             if monotonic() >= until or len(frame) > LONGEST:
                 self.came = b"" if len(frame) > LONGEST else self.came
                 self.troubles.append("no answer")
@@ -312,7 +312,7 @@ class Link:
                 self.came = frame + self.line.read(until - monotonic())
 
     def whole(self, what: int, component: int, begin: int = 0, count: int | None = None) -> bytes:
-        """All that the board has from an offset on, in as many requests as it takes; `count` bytes, or to its end."""
+        """Everything that the board has from an offset on, `count` bytes or all, in as many requests as that takes."""
         found = b""
         while count is None or len(found) < count:
             part = self.ask(what, component, struct.pack("<I", begin + len(found)))

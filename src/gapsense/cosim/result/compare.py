@@ -22,7 +22,7 @@ SHARE = 0.05  # of the range of a signal: an edge goes beyond it from one row to
 TYPICAL = 10.0  # median changes from row to row: noise and smooth curves stay below it
 EVEN = 0.1  # share of the rows of an even grid that may be farther apart
 SHOWN = 3  # stretches of rows in a message
-SLACK = 1e-6  # of the distance of rows: times that are apart by no more are one
+SLACK = 1e-6  # in the distance of rows: times no farther apart than this are equal
 BASELINE = "the baseline"
 
 
@@ -119,7 +119,7 @@ def step_of(name: str, run: Run) -> float:
     return run.base_step * int(component.get("step", 1))
 
 
-# How one signal differs from its reference, and what comparing all signals of a run has shown.
+# How a signal differs from its reference, and the comparison of all signals of a run.
 
 
 @dataclass(frozen=True)
@@ -333,10 +333,10 @@ def are_same(times: Vector, other: Vector) -> bool:
 
 
 def apart(times: Vector, other: Vector, name: str, other_name: str) -> list[str]:
-    """Sentences on rows that only one of two grids has, or that it has twice.
+    """Sentences on rows that only one of two grids has, or has twice.
 
-    A grid of which the other has every n-th row is coarser, and nothing is missing in it. Two grids that have little
-    in common are only looked through for gaps. Rows beyond the end of the other grid are left to others.
+    A grid with every n-th row of the other one is coarser, and nothing is missing in it. Two grids that have little in
+    common are only searched for gaps. Rows beyond the end of the other grid are not the subject here.
     """
     near = slack(times, other)
     merged = np.sort(np.concatenate((times, other)))

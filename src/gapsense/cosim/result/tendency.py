@@ -16,7 +16,7 @@ Vector = npt.NDArray[np.float64]
 ROUNDING = 1e-9  # of the range: changes below it tell nothing
 RATIOS = 2  # of changes that have to give the same order
 ORDERS, APART = (0.5, 8.0), 0.25  # orders that are believed, and by how much two in a row may differ
-FINEST_QUANTUM = 2.0**-24  # of the range of a signal, as converters have it
+FINEST_QUANTUM = 2.0**-24  # in the range of a signal; converters are no finer
 EDGE_ROWS = 1  # by which an edge may come earlier or later
 
 
@@ -30,7 +30,7 @@ class Tendency:
     signal: str
     unit: str
     nominal: float
-    range: float  # of the finest run; the nominal value where that is as good as 0
+    range: float  # range in the finest run; the nominal value if that is nearly 0
     changes: tuple[float, ...]  # from each run to the next finer one
     errors: tuple[float, ...]  # of each run
     order: float | None  # observed; None where there is none

@@ -32,7 +32,7 @@ def run_ahead(again: bool = False, engine: str = FMU) -> Iterator[None]:
 
 @contextmanager
 def runs_ahead(workers: int, engine: str, scenario: Path | None) -> Iterator[None]:
-    """Start the processes now, unless vectors will do the runs: where all FMUs have names of ours, as it seems."""
+    """Start the processes now; but not if vectors will do the runs, as far as the names of the FMUs tell."""
     if likely_vectors(engine) and (scenario is None or has_names_of_ours(scenario)):
         return (yield)
     with ahead("gapsense.many.worker", count=workers):

@@ -1,8 +1,8 @@
-"""Values are exchanged as seldom as an error allows: `step_control`, by steps that are done as one and as two halves.
+"""`step_control`: values are exchanged as seldom as an error allows. Steps are done as one, and again as two halves.
 
 A step ends at every row of the record, where a component has an instant of its own, and where an event begins or ends.
-Between these the components that take any step do one of 2 h base steps and, from saved states, two of h. What these
-differ by is the error of the two; they count if it is small enough, and else are done again with a smaller h.
+In between, the components that take any step do one of 2 h base steps. From saved states they then do two of h. The
+difference is the error of the two. If it is small enough they count; else they are done again with a smaller h.
 """
 
 from __future__ import annotations
@@ -189,6 +189,7 @@ class Control:
 
 
 def is_smooth(part: Part, port: Any) -> bool:
-    """True for an output that has an error of its own, and no jumps."""
+    """True for an output that has an error and no jumps; one that says when in a step an edge comes is none."""
     variable = part.places.variable(port)
-    return variable.type == "Real" and variable.variability in ("", "continuous")
+    is_continuous = variable.type == "Real" and variable.variability in ("", "continuous")
+    return is_continuous and part.places.index[port] not in part.edges

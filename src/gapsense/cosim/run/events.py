@@ -177,7 +177,7 @@ def effect(event: Event, share: float, track: Track) -> Effect:
 @lru_cache(maxsize=64)
 def noise(name: str, seed: int, k: int) -> float:
     """Number of standard normal distribution for an event at a base step; the same bits everywhere."""
-    from gapsense.kernels.random import M1, M2, normal  # here, so that what has no noise starts fast
+    from gapsense.kernels.random import M1, M2, normal  # here, so that runs without noise start fast
 
     words = unpack("<6I", sha256(f"{name} {seed} {k}".encode()).digest()[:24])
     state = [float(word % int(m)) for word, m in zip(words, (M1, M1, M1, M2, M2, M2))]
@@ -285,7 +285,7 @@ class Director:
             tuned.nominal = tuned.last = parameters[name]
 
     def state(self) -> dict[str, Any]:
-        """All that it takes to go on, of JSON; values in the buffer are kept with that."""
+        """Everything that is needed to go on, as JSON; values in the buffer are saved with the buffer."""
         return {
             "actors": {name: actor.state() for name, actor in self.actors.items()},
             "stages": {name: stage.state() for name, stage in self.stages.items()},

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 from math import fsum, isfinite
 
 from gapsense.cosim.run.part import Part
@@ -23,7 +24,8 @@ PARALLEL = 1e-12  # of its square: what is left of a difference that says nothin
 CHANGE = 1e-6  # of an unknown, for the Jacobian by differences
 PATIENCE = 6  # evaluations beyond 2 n after which secants are given up
 ROUNDING = 1e-19  # of a value: with a larger one nothing can be told of its residual
-HALVINGS = 12  # of a step that has failed
+HALVINGS, SHORTER = 12, 2  # of a step that has failed, and of one that has made the residual larger
+THIRD = 3  # of so many steps between two points one goes to their middle
 LOOP = "loop"  # what the state is held for
 
 
@@ -106,7 +108,11 @@ class Sweep:
         self.others = [place for place in torn if place not in self.unknowns]
         inside = {part.component.name for part in parts}
         self.said = [said for part in parts for _, said in part.spoken if said.component in inside]
-        self.nominals = [self.variables[place].nominal for place in self.unknowns]
+        least = {place: self.variables[place].nominal for place in self.unknowns}
+        takers = {inlet: places.variables[port].nominal for port, inlet in places.inlets.items()}
+        for wire in (wire for part in parts for wire in part.wires if wire.source in least and wire.factor):
+            least[wire.source] = min(least[wire.source], takers[wire.target] / abs(wire.factor))
+        self.nominals = [*least.values()]
         self.inverse, self.is_settled = identity(len(self.unknowns), -1.0), True
         self.limits: Vector = []  # of residuals, wider where the last value was more than the nominal one
         self.best: tuple[float, Vector, Vector] = (0.0, [], [])  # the least residual, where it was, and all of it
@@ -140,35 +146,50 @@ class Sweep:
         return are_small and self.is_settled
 
     def solve(self, act: Act) -> str:
-        """Act until the residual is small, at last with what solves the loop; else a sentence that says what is not."""
-        self.count = 0
+        """Act until the residual is small, at last with what solves the loop; else a sentence that says what is not.
+
+        A component that fails of more than the values with which the step begins tells of the loop too.
+        """
+        self.count, self.best = 0, (0.0, [], [])
         try:
             self.search(act)
         except Spent:
             return self.unsolved()
+        except FmuError as error:
+            if not self.best[1]:
+                raise
+            cause = f"{error.cause} It fails in a trial: {self.unsolved()}"
+            raise FmuError(error.instance, cause, time=error.time, step=error.step, log=error.log) from error
         return ""
 
     def search(self, act: Act) -> None:
         """Take steps of the secants until the loop is solved.
 
-        Where these do not find it, they are made anew by differences, at the best point so far, and from then on a step
-        that makes the residual larger is halved, as always one of which a component fails.
+        Where these do not find it, they are made anew by differences: at the best point so far, from where a step that
+        makes the residual larger is halved; if that does not find it either, where the steps have led; and so in turn.
+        A single unknown then stays between two points of unlike residuals. A step of which a component fails is halved.
         """
-        secants, since, is_careful, n = Secants(self.inverse), 0, False, len(self.unknowns)
+        secants, since, tries, n = Secants(self.inverse), 0, 0, len(self.unknowns)
         x = [self.buffer[place] for place in self.unknowns]
         most = self.experiment.loop_tolerance
         self.limits = [most * max(1.0, abs(value / one)) for value, one in zip(x, self.nominals)]
         r = self.evaluate(x, act)
-        self.best = size(r), x, r
+        self.best, points = (size(r), x, r), [(x, r)]
         while not self.is_solved(x, r):
             if n and since > 2 * n + PATIENCE:
-                _, x, r = self.best
+                tries += 1
+                if tries % 2:
+                    _, x, r = self.best
                 self.differ(x, r, act)
-                secants, since, is_careful = Secants(self.inverse), 0, True
-            new, found = self.step(x, r, secants.towards(r), is_careful, act)
+                secants, since = Secants(self.inverse), 0
+            dx, ends = secants.towards(r), enclosed(points) if tries and n == 1 else []
+            if ends and (since % THIRD == THIRD - 1 or not ends[0] < x[0] + dx[0] * self.nominals[0] < ends[1]):
+                dx = [(0.5 * sum(ends) - x[0]) / self.nominals[0]]
+            new, found = self.step(x, r, dx, tries % 2 > 0 and not ends, act)
             secants.learn([(b - a) / one for a, b, one in zip(x, new, self.nominals)], added(found, r, -1.0))
             x, r, since = new, found, since + 1
             self.best = min(self.best, (size(r), x, r))
+            points.append((x, r))
 
     def step(self, x: Vector, r: Vector, dx: Vector, is_careful: bool, act: Act) -> tuple[Vector, Vector]:
         """The point after a step and its residual; the step is halved until no component fails."""
@@ -176,7 +197,7 @@ class Sweep:
             new = [v + one * d for v, d, one in zip(x, dx, self.nominals)]
             try:
                 found = self.evaluate(new, act)
-                if not left or not is_careful or size(found) <= size(r):
+                if not is_careful or size(found) <= size(r) or left <= HALVINGS - SHORTER:
                     break
             except FmuError:
                 if not left or any(part.instance.is_dead for part in self.parts):
@@ -197,7 +218,7 @@ class Sweep:
         """That the loop was not solved, with the residuals at the best point, the largest first."""
         off = sorted(zip(self.unknowns, *self.best[1:], self.nominals), key=lambda one: -abs(one[2]))
         said = [
-            f"`{self.ports[place]}` = {value:.6g} comes back as {value + own * one:.6g}{self.unit(place)}, off by "
+            f"`{self.ports[place]}` = {value:.9g} comes back as {value + own * one:.9g}{self.unit(place)}, off by "
             f"{abs(own):.3g} of its nominal value"
             for place, value, own, one in off
         ]
@@ -220,6 +241,12 @@ def size(r: Vector) -> float:
     return max(map(abs, r), default=0.0)
 
 
+def enclosed(points: Sequence[tuple[Vector, Vector]]) -> Vector:
+    """Of one unknown, the neighbours of unlike sign of residual that are nearest to a solution; empty without any."""
+    pairs = [(max(size(r), size(q)), *x, *y) for (x, r), (y, q) in pairwise(sorted(points)) if r[0] * q[0] < 0.0]
+    return [*min(pairs)[1:]] if pairs else []
+
+
 def renew(part: Part, is_again: bool) -> None:
     """Keep the state of a part, or bring it back to that."""
     if is_again:
@@ -232,8 +259,8 @@ def renew(part: Part, is_again: bool) -> None:
 # changes when this mode ends, as in FMUs that compute nothing before, is repeated from saved states.
 
 
-def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Part], None]) -> int:
-    """Bring the parts of a loop to their start; evaluations."""
+def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Part], None]) -> None:
+    """Bring the parts of a loop to their start."""
     calls = {part: (part.taker(), part.reader()) for part in parts}
 
     def act(part: Part, is_again: bool, leaves: bool) -> None:
@@ -246,9 +273,7 @@ def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Pa
         if failed := failed or read():
             raise part.failure(failed, experiment.time(part.component.offset), 0)
 
-    sweep, evaluations = Sweep(parts, experiment), 0
+    sweep = Sweep(parts, experiment)
     for leaves in (False, True):
         if unsolved := sweep.solve(partial(act, leaves=leaves)):
             raise FmuError("run", unsolved, time=experiment.start, step=0)
-        evaluations += sweep.count
-    return evaluations

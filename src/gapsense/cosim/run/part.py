@@ -34,7 +34,7 @@ from gapsense.cosim.scenario.records import (
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
-Texts = dict[Port, str]  # values of String variables, as the buffer holds those of all others
+Texts = dict[Port, str]  # values of String variables; the buffer holds all others
 NOT_FITTING = "not fitting"
 EXACT = 2**53  # up to here every whole number is a double
 Stepper = Callable[[float], str]
@@ -241,7 +241,7 @@ class Part:
         self.texts, self.spoken, self.problem = texts, list[tuple[Port, Port]](), ""
         self.wires: list[Wire] = []
         self.means: set[Port] = set()  # inputs that have a mean over the step
-        self.late: set[Port] = set()  # inputs of which a step has the values of its beginning
+        self.late: set[Port] = set()  # inputs that keep the value of the beginning of the step
         self.held: set[Port] = set()  # those that cannot go on from their last two values
         self.outputs = places.of(component.name, "output")
         self.edges = [places.index[Port(component.name, component.edge)]] if component.edge else []
@@ -264,6 +264,11 @@ class Part:
     def follows(self) -> bool:
         """True if an input may change during a run."""
         return bool(self.wires or self.stages or self.is_played or self.spoken)
+
+    def interpolates(self, experiment: Experiment) -> bool:
+        """True if its inputs go in a straight line in a step: it takes their slopes, and the experiment asks for it."""
+        can = experiment.inputs == "linear" and self.instance.description.can_interpolate
+        return can and self.follows and any(channel.is_in_place for channel in self.givers)
 
     def connect(self, connections: Sequence[Connection]) -> None:
         """Let inputs follow outputs from now on."""

@@ -76,7 +76,7 @@ class Recording:
     calls: list[int] = field(default_factory=list)  # steps of each
     warnings: list[int] = field(default_factory=list)  # steps of each that returned a warning
     longest: list[float] = field(default_factory=list)  # wall time of one step of each
-    spread: Counts = field(default_factory=lambda: counts(0))  # steps of each by how long they took
+    spread: Counts = field(default_factory=lambda: counts(0))  # number of steps of each component, by duration
     messages: list[tuple[str, int, str]] = field(default_factory=list)  # component, status, text
     wall: float = 0.0  # [s]
     begun: float | None = None  # `perf_counter` since when the wall time is still to be added

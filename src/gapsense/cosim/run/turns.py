@@ -12,7 +12,7 @@ from gapsense.cosim.fmu.instance import SLOPE
 from gapsense.cosim.run.iterate import LOOP, Sweep, renew
 from gapsense.cosim.run.part import Part, Stepper, Work, first_turn
 from gapsense.cosim.run.recording import COMPONENT, STOP, bin_of
-from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Experiment
+from gapsense.cosim.scenario.records import ITERATIVE, JACOBI
 from gapsense.problems import FmuError
 
 Vector = list[float]
@@ -32,7 +32,7 @@ class Turns:
         self.method = work.experiment.method
         self.last = [first_turn(part.component, work.begin) - part.component.step for part in work.parts]
         self.gone = [p.component.step if last > p.component.offset else 0 for p, last in zip(work.parts, self.last)]
-        self.ramps = {i: Ramp(p, work) for i, p in enumerate(work.parts) if can_ramp(p, work.experiment)}
+        self.ramps = {i: Ramp(p, work) for i, p in enumerate(work.parts) if p.interpolates(work.experiment)}
         self.takers = [part.taker() for part in work.parts]
         self.steppers: dict[tuple[int, int], Stepper] = {}
         self.seconds, self.count = work.recording.seconds, counter(work)
@@ -203,12 +203,6 @@ def counter(work: Work) -> Callable[[int], None]:
 
 # Inputs that go in a straight line: to their new value, so that what leaves one component arrives at the other, or on
 # from their last two values where the new one is not known before the step.
-
-
-def can_ramp(part: Part, experiment: Experiment) -> bool:
-    """True for a part that takes slopes of its inputs, and should."""
-    can = experiment.inputs == "linear" and part.instance.description.can_interpolate
-    return can and part.follows and any(channel.is_in_place for channel in part.givers)
 
 
 def line(old: float, new: float, duration: float) -> tuple[float, float]:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 Self = TypeVar("Self", bound="Content")
-KEYS = ("step", "offset", "edge", "parameters", "board", "firmware", "clock")  # of a component, beside what it is given
+KEYS = ("step", "offset", "edge", "parameters", "board", "firmware", "clock")  # of a component, beside its parameters
 UNFIT = re.compile(r"[^\w .-]")  # for the name of a file
 
 
@@ -360,7 +360,7 @@ class Scenario(Content):
 
 def write_document(document: Document, path: Path) -> None:
     """Write a scenario file; what it names by a relative path is found from there too."""
-    import tomli_w  # here, so that what writes none starts fast
+    import tomli_w  # here, so that a run that writes no file starts fast
 
     path.parent.mkdir(parents=True, exist_ok=True)
     data = moved(document.data, FILE, document.path.parent.resolve(), path.parent.resolve())

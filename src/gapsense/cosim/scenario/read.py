@@ -27,22 +27,7 @@ from gapsense._os.files import (
     unfit,
 )
 from gapsense.cosim.result.metrics import KINDS
-from gapsense.cosim.scenario.keys import (
-    BASELINE,
-    COMPONENT,
-    CONNECTION,
-    EVENT,
-    EXPERIMENT,
-    FILE,
-    METRIC,
-    PAGE,
-    RECORDING,
-    SIGNAL,
-    SWEEP,
-    TOLERANCE,
-    VARIANT,
-    WHEN,
-)
+from gapsense.cosim.scenario.keys import SECTIONS
 from gapsense.cosim.scenario.records import (
     ACTIONS,
     INTERPOLATIONS,
@@ -89,7 +74,7 @@ from gapsense.tables import (
 
 CAMPAIGN_FILE = "campaign.sqlite"
 SCENARIO, STUDY, RESULT, RECORD, REPORTED, CAMPAIGN = "scenario", "study", "result", "record", "reported", "campaign"
-TAKEN = {  # kinds that are right, by what is expected
+TAKEN = {  # kinds that are accepted, by what is expected
     SCENARIO: ("scenario",),
     STUDY: ("study",),
     RESULT: ("result", "table"),
@@ -310,7 +295,7 @@ class Changes:
 # Read a scenario file into records, noting every problem of the file and its parameter sets.
 
 
-KEYS = tuple(key.name for key in SIGNAL.keys)
+KEYS = tuple(key.name for key in SECTIONS["signal"].keys)
 TIME = "time"
 T = TypeVar("T")
 LONGEST = 1e6  # wall time that is waited for [s], some days
@@ -376,7 +361,7 @@ class Reader:
 
     def scenario(self) -> Scenario:
         """All sections, in the order in which the format describes them."""
-        about, experiment = self.table.read(FILE), self.section("experiment", self.experiment)
+        about, experiment = self.table.read(SECTIONS["file"]), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components, events = self.section("components", self.components), self.section(SECTION, self.events)
         grid, rows, columns = self.section("sweep", self.sweep)
@@ -429,7 +414,7 @@ class Reader:
     def experiment(self, table: Table) -> Experiment:
         """Time grid; a whole number of base steps must fit between start and stop."""
         table = table.table("experiment")
-        given = table.read(EXPERIMENT)
+        given = table.read(SECTIONS["experiment"])
         if given["stop"] is None or given["base_step"] is None:
             return NO_EXPERIMENT
         start, stop, base = (float(given[key]) for key in ("start", "stop", "base_step"))
@@ -456,7 +441,7 @@ class Reader:
 
     def component(self, table: Table, name: str) -> Component:
         """One component with the values of its parameter sets; later sets win, `set` wins over all."""
-        own = table.read(COMPONENT)
+        own = table.read(SECTIONS["component"])
         files = [self.path.parent / file for file in own["parameters"]]
         sets = {path: read_parameters(path, table.problems) for path in files}
         inline = table.table("set")
@@ -504,7 +489,7 @@ class Reader:
             if not re.fullmatch(NAME, name) or unfit(name):
                 what = f"a variant's name is letters, digits and `_`, not starting with a digit, at most {LONGEST_NAME}"
                 table.note(name[:LONGEST_NAME], f"{what}: files are named after it. Rename it.")
-            out[name] = item.value(VARIANT.keys[0])
+            out[name] = item.value(SECTIONS["variant"].keys[0])
             if "variants" in item.data:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
         return out
@@ -578,7 +563,7 @@ def without(data: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]
 
 def read_signal(table: Table, folder: Path, files: list[Path]) -> Played | None:
     """One signal, or None after noting why there is none."""
-    own = table.read(SIGNAL)
+    own = table.read(SECTIONS["signal"])
     sources = [key for key in ("file", "times") if own[key] is not None]
     if len(sources) != 1:
         table.note("", "a signal has either `file` and `column` or `times` and `values`. Give one of the pairs.")
@@ -683,7 +668,7 @@ def read_connections(table: Table) -> tuple[Connection, ...]:
 
 def read_connection(table: Table) -> Connection | None:
     """One connection of the long form, or None if it lacks an end."""
-    own = table.read(CONNECTION)
+    own = table.read(SECTIONS["connection"])
     source, target = (None if own[key] is None else split(table, key, own[key]) for key in ("from", "to"))
     how = (own["factor"], own["bias"], own["unit"], own["delayed"], own["mean"])
     return Connection(source, target, *how, place=table.place) if source and target else None
@@ -692,7 +677,7 @@ def read_connection(table: Table) -> Connection | None:
 def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Rows, RowsColumns]:
     """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
     sweep = table.table("sweep")
-    file = sweep.read(SWEEP)[ROWS]
+    file = sweep.read(SECTIONS["sweep"])[ROWS]
     lists = sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, "").flat(LIST)
     for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
         sweep.note(name, "the same value is given twice. Remove one.")
@@ -776,13 +761,13 @@ def split(table: Table, key: str, name: str) -> Port | None:
 
 def read_record(table: Table) -> Record:
     """Signals to record; all inputs and outputs if the section is missing."""
-    record = table.table("record").read(RECORDING)
+    record = table.table("record").read(SECTIONS["recording"])
     return Record(tuple(record["signals"]), record["decimation"])
 
 
 def read_page(table: Table) -> Page:
     """What a page offers and shows first."""
-    page = table.table("page").read(PAGE)
+    page = table.table("page").read(SECTIONS["page"])
     return Page(tuple(page["controls"] or ()), tuple(page["first"] or ()))
 
 
@@ -795,7 +780,7 @@ def read_metrics(table: Table) -> tuple[Metric, ...]:
 
 def read_metric(table: Table, name: str) -> Metric | None:
     """One metric, or None if its kind or signal is missing."""
-    own = table.read(METRIC)
+    own = table.read(SECTIONS["metric"])
     after, before, bounds = own["after"], own["before"], own["bounds"]
     if after is not None and before is not None and after >= before:
         table.note("", f"`after` is {after:.9g} s and `before` is {before:.9g} s. `after` must be the smaller one.")
@@ -833,7 +818,7 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
     """
     baseline = table.table("baseline")
     default = f"baseline.{variant}.csv" if variant else "baseline.csv"
-    given = baseline.read(BASELINE)
+    given = baseline.read(SECTIONS["baseline"])
     file = given["file"] or default
     own = table.data["variants"][variant].get("baseline") if variant else None
     if variant and not (isinstance(own, dict) and "file" in own):
@@ -855,7 +840,7 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
 
 def read_tolerance(table: Table, default: Tolerance) -> Tolerance:
     """Tolerance of a table, each part by default that of the table around it."""
-    own = {key: value for key, value in table.read(TOLERANCE).items() if value is not None}
+    own = {key: value for key, value in table.read(SECTIONS["tolerance"]).items() if value is not None}
     return replace(default, **own)
 
 
@@ -891,7 +876,7 @@ def own(values: Mapping[str, Any], name: str) -> dict[str, Any]:
 def read_event(table: Table, name: str, changes: Mapping[str, Any]) -> Event | None:
     """One event, or None after noting why there is none."""
     table = table.child(laid_over(table.data, changes), "") if changes else table
-    before, given = len(table.problems), table.read(EVENT)
+    before, given = len(table.problems), table.read(SECTIONS["event"])
     when = read_when(table.table("when")) if "when" in table.data else None
     target = None if given["target"] is None else split(table, "target", given["target"])
     note_actions(table, given)
@@ -911,7 +896,7 @@ def laid_over(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, 
 
 def read_when(table: Table) -> When | None:
     """A condition, or None after noting why there is none."""
-    given = table.read(WHEN)
+    given = table.read(SECTIONS["when"])
     signal = None if given["signal"] is None else split(table, "signal", given["signal"])
     sides = [key for key in ("above", "below") if key in table.data]
     if len(sides) != 1:

@@ -1,6 +1,6 @@
-"""What a scenario says, as records, with what follows from them: points of a sweep, signals, execution order.
+"""A scenario as records, and what follows from them: points of a sweep, recorded signals, execution order.
 
-`read.py` reads them from a file, `check.py` holds them against the FMUs.
+`read.py` makes them from a file, `check.py` compares them with the FMUs.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Component:
     offset: int = 0
     edge: str = ""  # output that says where in its step a loop should end it [s]
     values: Mapping[str, Value] = field(default_factory=dict)  # of parameters
-    origin: Mapping[str, str] = field(default_factory=dict)  # file or table that gives each of them
+    origin: Mapping[str, str] = field(default_factory=dict)  # the file or table where each value comes from
     sets: Mapping[Path, Mapping[str, Value]] = field(default_factory=dict)  # its parameter sets, see `taken`
     isolation: str = "none"  # or the instance is in a process of its own
     board: str = ""  # on which it runs, as `cosim/fmu/line.py` reads it; the FMU goes along
@@ -447,7 +447,7 @@ class Scenario:
     called: str  # its folder, or what a scenario without a file is called
     title: str
     description: str
-    figure: str  # name of the one that shows a run
+    figure: str  # name of the figure that shows a run
     variant: str | None
     experiment: Experiment
     components: Mapping[str, Component]
@@ -491,8 +491,8 @@ class Scenario:
 def ports(descriptions: Descriptions) -> dict[Port, Variable]:
     """Every input and output that is a number, in the order of the buffer.
 
-    For each component these are its Real inputs, its Real outputs, its other outputs and its other inputs, so that
-    what one call moves lies side by side.
+    The order for each component is: Real inputs, Real outputs, other outputs, other inputs. So the numbers that one
+    call moves lie side by side.
     """
     return {
         Port(name, variable.name): variable

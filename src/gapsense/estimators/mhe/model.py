@@ -70,6 +70,11 @@ class Parameters(NamedTuple):
     core_reluctance: Scalar = EKF
     core_saturation: Scalar = EKF
     core_bend: Scalar = EKF
+    core_exponent: Scalar = fixed(
+        "1", "Power n of a sharper knee b m^n, as `commission` finds it; 0: none", 0.0, min=0.0
+    )
+    core_sharp_reluctance: Scalar = fixed("1/H", "With core.exponent: core.reluctance", 1e6, min=1e-9)
+    core_sharp_bend: Scalar = fixed("1/H", "With core.exponent: core.bend, b N^2 / core.saturation", 1e6, min=1e-9)
     gap_law: Annotated[Scalar, GapLaw] = EKF
     gap_reluctance: Scalar = EKF
     gap_slope: Scalar = EKF
@@ -159,7 +164,7 @@ class Model(NamedTuple):
     give: Scalar  # what they give way [m/N], or 0
     restitution: Scalar
     stop_damping: Scalar
-    exponent: Scalar = 0.0  # n of another knee, S = m^n, that records are explained by; 0: that of (1)
+    exponent: Scalar  # n of another knee, S = m^n; 0: that of (1)
 
 
 class Point(NamedTuple):
@@ -197,6 +202,7 @@ def model(par: Parameters, d: Device) -> Model:
         give=where(par.stop_law > 0.5, 1.0 / par.stop_stiffness, 0.0),
         restitution=par.stop_restitution,
         stop_damping=par.stop_damping,
+        exponent=par.core_exponent,
     )
     return with_device(m, d)
 
@@ -209,13 +215,15 @@ def with_device(m: Model, d: Device) -> Model:
 
 def device(par: Parameters) -> Device:
     """What is believed before the first window; without a bend of its own the core is Froehlich's."""
-    scale, has_bend = 1.0 / square(par.coil_turns), par.core_bend > 0.0
-    R_c, lam_s = scale * par.core_reluctance, par.core_saturation
+    scale, is_sharp = 1.0 / square(par.coil_turns), par.core_exponent > 0.0
+    has_bend = is_sharp | (par.core_bend > 0.0)
+    R_c, lam_s = scale * where(is_sharp, par.core_sharp_reluctance, par.core_reluctance), par.core_saturation
+    bend = where(is_sharp, par.core_sharp_bend, par.core_bend)
     return Device(
         resistance=par.coil_resistance,
         eddy=par.core_eddy,
         gap=par.gap_factor,
-        knee=where(has_bend, scale * par.core_bend, KNEE * R_c) * lam_s,
+        knee=where(has_bend, scale * bend, KNEE * R_c) * lam_s,
         saturation=where(has_bend, lam_s, SATURATION * lam_s),
         hysteresis=par.core_hysteresis,
         mass=par.mover_mass,

@@ -80,6 +80,7 @@ REJECT_MISFIT = 6.0  # from here on nothing is learnt from a window
 REJECT_UNTAUGHT = 30.0  # the same of the first one with a landing: what it teaches is as uncertain
 LOST_MISFIT = 2.0  # of a window that goes before one that nothing explains: what was learnt is wrong
 GOOD_MISFIT = 1.5  # below it others may go back to what the window has taught
+FAR = 5.5  # deviations from what was told that a device of the type does not have
 PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 PROOF = 2.0  # windows, a closing and an opening, that must be explained after a new beginning: the first may be a fault
 LONGER = 2.0  # times the usual backlog, where a window is made longer after a new beginning
@@ -166,6 +167,14 @@ def effort(learnt: Learnt, par: Parameters) -> Effort:
 def is_lost(work: Work, par: Parameters) -> Scalar:
     """Whether only another start may explain the window; with `option.further` a search is usual."""
     return (work.search.searches > 0.0) & not_(is_set(par.option_further))
+
+
+def is_untypical(corrections: Array, par: Parameters) -> Scalar:
+    """Whether some are too far from what was told for a device of the type."""
+    is_far: Scalar = False
+    for q, s in zip(get(corrections, START), priors(par)):
+        is_far = (fabs(q) > FAR * s) | is_far
+    return is_far
 
 
 # a sample
@@ -359,7 +368,7 @@ def _invert(work: Work, par: Parameters) -> Work:
         return work._replace(fit=fit._replace(normal=put_matrix(fit.normal, A), pivots_done=fit.pivots_done + 2.0))
 
     def use() -> Work:
-        return cond(work.phase == Phase.solving, lambda: _start_trying(work, par), lambda: _renew(work))
+        return cond(work.phase == Phase.solving, lambda: _start_trying(work, par), lambda: _renew(work, par))
 
     return cond(fit.pivots_done < N, pivot, use)
 
@@ -404,11 +413,12 @@ def usual_cost(walk: Walk, par: Parameters) -> Scalar:
     return 1.5 * (square(par.noise_current) + square(par.model_error)) * counted
 
 
-def _renew(work: Work) -> Work:
-    """The next window begins with Pi of (8); what a good one has taught is noted."""
+def _renew(work: Work, par: Parameters) -> Work:
+    """The next window begins with Pi of (8); what a good one has taught is noted, unless the operation was strange."""
     fit = work.fit
     Pi = -get_matrix(fit.normal)
-    is_good = (work.learnt.misfit < GOOD_MISFIT) & (work.learnt.rejected >= 0.0)
+    fits, is_doubtful = work.learnt.misfit < GOOD_MISFIT, is_set(work.window.is_doubtful)
+    is_good = fits & (work.learnt.rejected >= 0.0) & not_(is_doubtful)
     return _open_window(
         work._replace(
             fit=fit._replace(prior=put_matrix(fit.prior, Pi)),
@@ -643,10 +653,11 @@ def _reject(work: Work, par: Parameters) -> Work:
 
     After some such windows in a row they go back to those of the last good window, and after as many more to what was
     known at the start; then in turn.  From there they go back at once, unless some windows were explained: the first
-    may be that of a fault.  As long as nothing was explained, the next window begins with what explains this one best.
+    may be that of a fault.  So they do from what no device of the type has.  As long as nothing was explained, the next
+    window begins with what explains this one best.
     """
     window, fit, rejected = work.window, work.fit, work.learnt.rejected
-    n = where(rejected < 0.0, PATIENCE, rejected + 1.0)
+    n = where((rejected < 0.0) | is_untypical(fit.q_prior, par), PATIENCE, rejected + 1.0)
     is_back, is_blind = n == PATIENCE, n >= 2.0 * PATIENCE
 
     def keep() -> tuple[Array, Array]:

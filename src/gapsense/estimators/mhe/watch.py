@@ -25,6 +25,8 @@ YOUNG = 6.0  # how much patience there is at first
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
+PRACTISED = 10.0  # operations that were explained, after which less is strange where there is little flux
+LITTLE, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
 FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
 
 
@@ -150,7 +152,8 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     edge = _place_edge(before.edge, new.spread, seen, counts & not_(between), now, m, par)
     unexpected = seen.innovation - by_place * edge.faded * edge.place
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
-    is_large = is_known & is_too_large(surprise, learnt, par)
+    is_easy = (learnt.explained >= PRACTISED) & (fabs(now.flux_linkage) < LITTLE * m.d.saturation)
+    is_large = is_known & is_too_large(surprise, learnt, par, is_easy)
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return new._replace(
         edge=edge,
@@ -166,9 +169,10 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     )
 
 
-def is_too_large(mean: Scalar, learnt: Learnt, par: Parameters) -> Scalar:
-    """Whether the mean of some innovations is more than a healthy device has."""
-    usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(par.model_error))
+def is_too_large(mean: Scalar, learnt: Learnt, par: Parameters, is_easy: Scalar = False) -> Scalar:
+    """Whether the mean of some innovations is more than a healthy device has; `is_easy`: the model has less error."""
+    error = where(is_easy, EASY, 1.0) * par.model_error
+    usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(error))
     most, known = where(is_set(par.option_further), STRANGE_SOFT, STRANGE), _known(par)
     young = YOUNG / square(where(learnt.explained >= known, learnt.explained, known))
     return fabs(mean) > (1.0 + young) * most * usual

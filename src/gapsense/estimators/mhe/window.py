@@ -87,7 +87,7 @@ class Window(NamedTuple):
     least: Scalar = 1.0  # shortest length
     has_grown: Scalar = 0.0  # flag: it was made longer
     has_jumped: Scalar = 0.0  # flag: it began again with the resistance of a held voltage
-    is_doubtful: Scalar = 0.0  # flag: the causal estimate was strange since it began
+    is_doubtful: Scalar = 0.0  # flag: the causal estimate was strange, or the readings, since it began
     begins_loose: Scalar = 0.0  # flag: the mover bounces at its start
 
 

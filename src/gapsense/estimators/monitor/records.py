@@ -119,7 +119,7 @@ class Baseline(NamedTuple):
 
 
 class Usual(NamedTuple):
-    """Usual operations, of late: by them a device is known again while `Mhe` has not yet relearnt it."""
+    """Recent operations that were usual. By them a device is recognised while `Mhe` has not relearnt it yet."""
 
     lengths: Annotated[Array, Vector(8)]  # samples of the phases of a closing and of an opening
     currents: Annotated[Array, Vector(8)]  # mean currents in them [A]

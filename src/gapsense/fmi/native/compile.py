@@ -47,7 +47,7 @@ def binary(files: Mapping[str, str], name: str, compilers: Sequence[Compiler], w
 
 
 def timeless(library: bytes) -> bytes:
-    """A library without the time at which it was linked, which one for Windows has in its header."""
+    """A library without the time of linking, which the header of a Windows library has."""
     if library[:2] != b"MZ":
         return library
     at = struct.unpack_from("<I", library, PE_HEADER)[0] + TIME
@@ -105,7 +105,7 @@ def _compiled(source: Path, compiler: Compiler, *more: str) -> Path:
 
 
 def run(command: tuple[str, ...], what: str) -> None:
-    """Run a compiler; a NativeError tells what it says if it fails."""
+    """Run a compiler. If it fails, a NativeError has its message."""
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise NativeError(f"`{what}` could not be compiled by `{' '.join(command[:4])}`:\n{done.stderr.strip()}")
@@ -134,7 +134,7 @@ def component(module: bytes) -> bytes:
 
 
 def leb128(number: int) -> bytes:
-    """A number that is not negative, as WebAssembly writes it."""
+    """A non-negative number as WebAssembly writes it."""
     high, low = divmod(number, 128)
     return bytes([low | 128]) + leb128(high) if high else bytes([low])
 

@@ -102,7 +102,7 @@ def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[s
     return {f"binaries/{p.folder}/{parts.component.name}{p.ending}": binaries[n] for n, p in places.items()}
 
 
-# The FMU of FMI 3.0: the same libraries as those of FMI 2.0, all platforms in one file.
+# The FMU of FMI 3.0: the libraries of FMI 2.0, all platforms in one file.
 
 
 def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:

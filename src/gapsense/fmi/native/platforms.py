@@ -16,7 +16,7 @@ LIKE_X86_64 = ("x86_64", "AMD64", "amd64")
 
 
 class Binary(NamedTuple):
-    """A platform: where an FMU has its binary, and what Zig calls the processors that it is for."""
+    """A platform: the place of its binary in an FMU, and the names that Zig has for its processors."""
 
     folder: str  # in binaries/ of an FMU of FMI 2.0; none, if only FMI 3.0 has this platform
     ending: str

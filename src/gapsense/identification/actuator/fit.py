@@ -6,8 +6,9 @@ core come first, from the first quarter of each record; then all parameters, fro
 it: far from the minimum a long record is wrong by whole motions, and says little.
 
 What that leaves of the current asks for more: the length along which the flux of the gap fringes, another knee b m^n of
-the core, and elastic stops.  A longer fringe is a leak G beside the gap, R/(1 + G R): with R = R' z/(1 + k z ln(c/z))
-only c changes, to c exp(G R'/k).  A mover that bounces has many minima; so the records are taken piece by piece.
+the core, and stops from which the mover comes back.  A longer fringe is a leak G beside the gap, R/(1 + G R): with
+R = R' z/(1 + k z ln(c/z)) only c changes, to c exp(G R'/k).  A mover that bounces has many minima; so the records are
+taken piece by piece.
 """
 
 from __future__ import annotations
@@ -34,12 +35,13 @@ from gapsense.identification.least_squares import (
     currents,
     differences,
     finite,
+    independent,
     minimise,
     promise,
     rms,
 )
 from gapsense.identification.measurements.record import Record
-from gapsense.identification.residual import EXPLAINED, Residual, rounding
+from gapsense.identification.residual import EXPLAINED, FLOOR, Residual, rounding
 from gapsense.identification.residual import residual as of_all
 from gapsense.identification.show import Validation, compare
 from gapsense.identification.valve.model import Trajectory
@@ -60,16 +62,10 @@ DEVIATIONS = {  # of the logarithms: how wrong what is believed may be; up to 10
     "spring_rest": 0.06,
     "damping": 0.075,
 }
-MORE = {  # the same, where the records ask for more
-    **DEVIATIONS,
-    "core_bend": 1.5,
-    "core_exponent": 0.3,
-    "gap_fringing": 1.0,
-    "gap_window": 1.0,
-    "contact_stiffness": 0.9,
-    "contact_damping": 1.0,
-}
-STOPS = ("contact_stiffness", "contact_damping")
+STOPS, REBOUND, KNEE = ("contact_stiffness", "contact_damping"), ("stop_restitution",), ("core_power",)
+BOUNCES = {"stop_restitution": 0.9, "contact_stiffness": 1.0, "contact_damping": 1.0}  # the same, of stops
+MORE = {"core_bend": 1.5, "core_power": 0.3, "gap_fringing": 1.0, "gap_window": 1.0}  # and with another knee
+FORMS = (REBOUND, KNEE, (*KNEE, *REBOUND), (*KNEE, *STOPS))  # of the model, the smallest first
 PLACE_STEP = 1e-3  # of a difference quotient
 BESIDE = 2  # numbers that a record has beside the places of its edges: offset, and what these share
 KERNEL = Kernel(simulated)
@@ -96,8 +92,8 @@ class Problem(NamedTuple):
     @property
     def believed(self) -> dict[str, float]:
         """How wrong what is believed may be, by field."""
-        usual = DEVIATIONS if self.beyond == USUAL else MORE
-        return {name: {**usual, **self.doubts}[name] for name in self.names}
+        sharp = MORE if self.beyond.core_power else {}
+        return {name: {**DEVIATIONS, **BOUNCES, **sharp, **self.doubts}[name] for name in self.names}
 
     def places(self, x: Vector) -> list[Vector]:
         """Those of the edges of each record."""
@@ -223,14 +219,17 @@ def residual(drive: Excitation, model: Trajectory, model_error: float) -> Residu
     )
 
 
-ELECTRIC = {name for name in MORE if name.startswith(("coil", "core")) and name != "core_turnover"}
+ELECTRIC = {name for name in (*DEVIATIONS, *MORE) if name.startswith(("coil", "core")) and name != "core_turnover"}
 BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones
 CHANCE = 2.0  # squares that a number explains without meaning (AIC)
-LAW_ERROR, LAW_SHAPES = 5e-3, 3  # of a gap law by formula, relative; cosines along the stroke
+CLEAR = 4.0  # standard errors of a correlation
+LAW_ERROR, LAW_SHAPES = 7.5e-3, 3  # of a gap law by formula, relative; cosines along the stroke
 LAW_ROWS, LAW_ENDS = 201, 0.2  # of a table of it, and how far it goes beyond the stops, in strokes
 QUANTILES = 200  # of flux linkages
-STIFF, SOFT = 0.15, 0.5  # first guesses of stops: angular frequency of the mover there by the step, damping [s/m]
+STIFF, SOFT, BACK = 0.15, 0.5, 0.3  # first guesses: angular frequency of the mover by the step, damping, restitution
 SHARP, BENT = 10.0, 0.9  # first guess of the exponent, and share of saturation at which the knee stays
+STARTS = ({"core_eddy": 2.0, "core_reluctance": -1.5}, {"core_eddy": -2.0})  # more logarithms to begin with
+USUAL_ERROR = 1e-3  # of the model, at least [A]
 SHARES = (0.25, 0.5, 1.0)  # of each record that is used, one after the other
 PIECES, ROUGH = np.linspace(0.01, 1.0, 100).tolist(), 1e-3  # the same, of many minima, and the fall with which they end
 AS_BEFORE, LOST = 1.05, 25.0  # squares that a sample of a piece leaves, over those of the last one; and at most
@@ -282,41 +281,76 @@ def commission(
 ) -> Commissioned:
     """Parameters that explain records, near those that are known.
 
-    More is sought where the usual numbers do not explain the records, and is kept if it does.  `doubts` are the
-    deviations of fields that were assumed: they are sought with all else, for what is as uncertain makes all that goes
-    with it uncertain.
+    More is sought where the usual numbers leave more than noise, and is kept if it explains the records and the
+    evidence is for it.  `doubts` are the deviations of fields that were assumed: they are sought with all else, for
+    what is as uncertain makes all that goes with it uncertain.
     """
+    known = known._replace(model_error=believed_error(known, records))
     drives = [read_excitation(record, known) for record in records]
     par, doubts = with_bend(known), doubts or {}
     names = [name for name in dict.fromkeys((*DEVIATIONS, *doubts)) if is_fitted(par, name)]
     every = Problem(par, names, drives, doubts=doubts)
     found = search(every, progress)
-    for more in ((), STOPS):
-        if not found.is_explained and not any(d.is_too_fast for d in drives):
-            richer = search(with_more(every, more), progress, in_pieces=True)
-            found = richer if richer.is_explained else found
+    if not found.is_explained:
+        found = min((found, *(search(every, progress, start=start) for start in STARTS)), key=lambda each: each.misfit)
+    if leaves_more(found) and not any(d.is_too_fast for d in drives):
+        for form in FORMS:
+            richer = search(with_more(every, form), progress, in_pieces=True)
+            found = richer if richer.is_explained and is_better(richer, found) else found
     return found
 
 
-def with_more(p: Problem, more: Sequence[str]) -> Problem:
-    """With a leak, if the gap law has one, another knee, of which the saturation is no part, and perhaps stops."""
-    par, names = p.known, [name for name in p.names if name not in ("core_saturation", "gap_window")]
-    stiffness = float(par.mover_mass) * (STIFF / max(d.step for d in p.drives)) ** 2
-    leak = ["gap_window"] if is_fitted(par, "gap_window") else []
-    knee = BENT ** (3.0 - SHARP) / (1.0 - BENT**2)
-    return p._replace(
-        known=par._replace(core_bend=par.core_bend * knee),
-        names=[*names, *leak, "core_exponent", *more],
-        beyond=Beyond(SHARP, stiffness, SOFT) if more else Beyond(SHARP),
-    )
+def believed_error(known: Parameters, records: Sequence[Record]) -> float:
+    """The error of the model that a fit begins with; what the nearest model leaves of a table is sought anew [A]."""
+    largest = max(float(np.abs(record.current).max()) for record in records)
+    return min(float(known.model_error), max(USUAL_ERROR, FLOOR * largest))
 
 
-def search(every: Problem, progress: Progress, in_pieces: bool = False) -> Commissioned:
-    """What explains the records, from what is believed on, by ever larger shares of them.
+def leaves_more(found: Commissioned) -> bool:
+    """Whether neighbouring residuals are alike beyond chance, by more than the model's error is believed to be."""
+    error, sizes = float(found.parameters.model_error), [CLEAR / math.sqrt(d.current.size) for d in found.drives]
+    alike = [r.correlation * r.rms**2 > error**2 + size * r.rms**2 for r, size in zip(found.residuals, sizes)]
+    return any(alike) or not found.is_explained
+
+
+def is_better(richer: Commissioned, found: Commissioned) -> bool:
+    """Whether the evidence is for more numbers (G. Schwarz 1978); neighbouring residuals that are alike count once."""
+    before, after = (np.concatenate([left_at(d, m) for d, m in zip(c.drives, c.models)]) for c in (found, richer))
+    n = independent(before)
+    more = len(richer.names) - len(found.names)
+    return bool(n * math.log(float(before @ before) / float(after @ after)) > more * math.log(n))
+
+
+def left_at(drive: Excitation, model: Trajectory) -> Vector:
+    """What a model leaves of the currents that count."""
+    return (drive.current - model.current)[drive.weights > 0.0]
+
+
+def with_more(p: Problem, form: Sequence[str]) -> Problem:
+    """With stops from which the mover comes back, or another knee, of which the saturation is no part, and a leak."""
+    par, names, beyond = p.known, [name for name in p.names if name not in form], USUAL
+    if "core_power" in form:
+        names = [name for name in names if name not in ("core_saturation", "gap_window")]
+        names += ["gap_window"] if is_fitted(par, "gap_window") else []
+        par = par._replace(core_bend=par.core_bend * BENT ** (3.0 - SHARP) / (1.0 - BENT**2))
+        beyond = beyond._replace(core_power=SHARP)
+    if "stop_restitution" in form:
+        par = par._replace(stop_restitution=par.stop_restitution or BACK)
+    if "contact_stiffness" in form:
+        stiffness = float(par.mover_mass) * (STIFF / max(d.step for d in p.drives)) ** 2
+        beyond = beyond._replace(contact_stiffness=stiffness, contact_damping=SOFT)
+    return p._replace(known=par, names=[*names, *form], beyond=beyond)
+
+
+def search(
+    every: Problem, progress: Progress, in_pieces: bool = False, start: Mapping[str, float] | None = None
+) -> Commissioned:
+    """What explains the records, from what is believed on, or from other logarithms, by ever larger shares of them.
 
     In pieces it ends where one is not explained, and takes no step where one is by what was found before.
     """
     x, steps, last, shares = np.zeros(every.deviations.size), 0, 0.0, PIECES if in_pieces else SHARES
+    x[: len(every.names)] = [(start or {}).get(name, 0.0) for name in every.names]
     for k, share in enumerate(shares):
         progress(k, len(shares) + 1)
         free = [j for j, name in enumerate(every.names) if k or name in ELECTRIC]
@@ -372,7 +406,7 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
     models = [simulate(found.known, *of_record, found.beyond) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
-    if "gap_window" in p.names and p.beyond != USUAL and all(r.is_explained for r in residuals):
+    if "gap_window" in p.names and p.beyond.core_power and all(r.is_explained for r in residuals):
         moved = np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(p, x).T)[:n]
         covariance += moved @ moved.T
     return Commissioned(
@@ -397,12 +431,12 @@ def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
 
     Least squares of the static current over the flux linkages of the records.
     """
-    par, area, n = result.parameters, result.parameters.coil_turns**2, result.beyond.core_exponent
+    par, area, n = result.parameters, result.parameters.coil_turns**2, result.beyond.core_power
     if not n:
         return result, 0.0
     all_lam = np.abs(np.concatenate([model.flux_linkage for model in result.models]))
     lam = np.quantile(all_lam, np.linspace(0.0, 1.0, QUANTILES))
-    fields = ("core_reluctance", "core_bend", "core_exponent")
+    fields = ("core_reluctance", "core_bend", "core_power")
     known = np.array([par.core_reluctance, par.core_bend, n])
 
     def left(x: Vector, logs: Vector) -> Vector:
@@ -422,11 +456,11 @@ def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
     places = [result.names.index(name) for name in fields]
     T = np.eye(len(result.names))
     T[np.ix_(places, places)] = differences(values, np.zeros(3))
-    names = [{"core_exponent": "core_saturation"}.get(name, name) for name in result.names]
+    names = [{"core_power": "core_saturation"}.get(name, name) for name in result.names]
     core, bend, saturation = np.exp(at).tolist()
     found = result._replace(
         parameters=par._replace(core_reluctance=core, core_bend=bend, core_saturation=saturation),
-        beyond=result.beyond._replace(core_exponent=0.0),
+        beyond=result.beyond._replace(core_power=0.0),
         names=names,
         covariance=T @ result.covariance @ T.T,
     )
@@ -485,6 +519,7 @@ def usual(p: Problem) -> float:
 
 def with_bend(par: Parameters) -> Parameters:
     """The same device with the bend of the core as a parameter of its own."""
+    par = par._replace(core_exponent=0.0)
     d, area = device(par), par.coil_turns**2
     core = {"core_reluctance": d.core * area, "core_bend": d.knee * area / d.saturation}
     return par._replace(**core, core_saturation=d.saturation)

@@ -5,7 +5,7 @@ coarse record does not make the model coarse.
 
 An elastic stop has the force k d (1 + b dd/dt) at the depth d, as that of `TableActuator` (Hunt and Crossley), and
 never pulls.  For a step it is a spring of stiffness k (1 + b dd/dt) with its rest at the stop, which adds to that of
-the mover.
+the mover.  A hard stop turns the speed round within the step, so that the trajectory has derivatives.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.mhe import model as mhe
-from gapsense.estimators.mhe.model import Model, Point, advance, current, device, model, point
+from gapsense.estimators.mhe.model import LITTLE, Model, Point, advance, current, device, is_between, model, point
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import clip, fabs, where
+from gapsense.kernels.trace import clip, fabs, not_, where
 
 FAR = 1.0  # m; where no stop is
 State = Point
@@ -24,8 +24,8 @@ State = Point
 class Beyond(NamedTuple):
     """What the model of `Mhe` has not."""
 
-    core_exponent: Scalar = 0.0  # n of a knee b m^n; 0: that of `Mhe`
-    contact_stiffness: Scalar = 0.0  # k [N/m]; 0: hard stops, without a bounce
+    core_power: Scalar = 0.0  # n of a knee b m^n; 0: that of `Mhe`
+    contact_stiffness: Scalar = 0.0  # k [N/m]; 0: hard stops
     contact_damping: Scalar = 0.0  # b [s/m]
 
 
@@ -71,6 +71,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     at = advance(p._replace(voltage=u), u, m)
     before = _touching(p.position, p.velocity, hard, par)
     at = at._replace(velocity=at.velocity + _beside(p.position, z, before, m, par))
+    at = _turned_round(p, z, at, m, par)
     return at, Outputs(current(at, u, m), at.flux_linkage, at.position)
 
 
@@ -102,9 +103,25 @@ def _beside(start: Scalar, end: Scalar, before: Model, after: Model, par: Parame
     return where(crosses, 0.5 * par.known.sample_time * apart * k * inside / par.known.mover_mass, 0.0)
 
 
+def _turned_round(p: Point, free: Scalar, at: Point, m: Model, par: Parameters) -> Point:
+    """The same, after a hard stop from which the mover comes back; `free` is where it would be without the stop."""
+    known, stop, T_s = par.known, at.position, m.T_s
+    share = (stop - p.position) / where(free == p.position, 1.0, free - p.position)
+    v = -known.stop_restitution * (p.velocity + share * T_s * p.acceleration)
+    is_worth = v * v > 2.0 * LITTLE * (known.stop_upper - known.stop_lower) * fabs(at.acceleration)
+    meets = is_between(p, m) & not_(free == stop) & not_(par.beyond.contact_stiffness > 0.0) & is_worth
+    back = where(meets, (1.0 - share) * T_s * v, 0.0)
+    return at._replace(
+        position=stop + back,
+        velocity=where(meets, v, at.velocity),
+        reluctance=at.reluctance + at.slope * back,
+        mmf=at.mmf + at.slope * back * at.flux_linkage,
+    )
+
+
 def _model(par: Parameters) -> Model:
     """The model without a rest that begins at a threshold, which no fit could take derivatives of."""
-    known = par.known
+    known = par.known._replace(core_exponent=0.0)
     return model(known, device(known))._replace(
-        quiet_voltage=0.0, quiet_current=0.0, bounces=False, exponent=par.beyond.core_exponent
+        quiet_voltage=0.0, quiet_current=0.0, bounces=False, exponent=par.beyond.core_power
     )

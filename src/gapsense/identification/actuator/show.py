@@ -20,13 +20,14 @@ from gapsense.identification.actuator.drive import SLOWEST
 from gapsense.identification.actuator.fit import (
     CAUSES,
     DEVIATIONS,
+    REBOUND,
     STOPS,
     Commissioned,
     position_error,
     with_bend,
     with_usual_knee,
 )
-from gapsense.identification.actuator.kernel import USUAL, Beyond
+from gapsense.identification.actuator.kernel import Beyond
 from gapsense.identification.assumptions import list_values, meanings, scale
 from gapsense.identification.least_squares import Matrix
 from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
@@ -49,7 +50,15 @@ LEARNT = {  # deviations before the first window of `Mhe`, by the fields that th
     "prior.mass": "mover_mass",
     "prior.rest": "spring_rest",
 }
-NOT_NUMBERS = ("gap_law", "gap_file", "gap_bend", "stop_law", "stop_restitution")
+SHARP = ("core.exponent", "core.sharp_reluctance", "core.sharp_bend")
+NOT_NUMBERS = (
+    "gap_law",
+    "gap_file",
+    "gap_bend",
+    "stop_law",
+    "stop_restitution",
+    *(name.replace(".", "_") for name in SHARP),
+)
 MOVES = 0.01  # of the stroke
 LEAST = 3e-3  # of these: the device is another one tomorrow
 
@@ -94,14 +103,25 @@ def priors(result: Commissioned) -> dict[str, float]:
 
 
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
-    """What was given, with what was found; without a sampling period of the estimators that of the records."""
-    dt, (result, left) = result.drives[0].record.dt, with_usual_knee(result)
+    """What was given, with what was found; without a sampling period of the estimators that of the records.
+
+    With losses that are known, filters have the error of the current that they usually have.
+    """
+    dt, given = result.drives[0].record.dt, {n: value for n, value in given.items() if n != "process.current_error"}
+    sharp = sharp_knee(result) if result.beyond.core_power else {name: 0.0 for name in SHARP[:1] if name in given}
+    result, _ = with_usual_knee(result)
     models = [at_rest(m, result.parameters) if result.beyond.contact_stiffness else m for m in result.models]
     tuning = scaled([d.record for d in result.drives], models, result.residuals, result.parameters)
-    error = max(left, tuning.get("model.error", float(result.parameters.model_error)))
-    tuning |= {"model.error": left} if error == left else {}
     law = {"stop.law": "elastic"} if result.beyond.contact_stiffness else {}
-    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **law, **found_values(result)}
+    law |= {"stop.law": "hard"} if "stop_restitution" in result.names else {}
+    return {"sample_time": dt, **device(result.parameters), **tuning, **given, **law, **found_values(result), **sharp}
+
+
+def sharp_knee(result: Commissioned) -> dict[str, Value]:
+    """What `Mhe` takes in place of the knee that all estimators have; its saturation is theirs."""
+    par, n, usual = result.parameters, float(result.beyond.core_power), with_usual_knee(result)[0].parameters
+    bend = par.core_bend * (usual.core_saturation / par.core_saturation) ** (n - 1.0)
+    return dict(zip(SHARP, (n, float(par.core_reluctance), float(bend))))
 
 
 def at_rest(model: Trajectory, par: Parameters) -> Trajectory:
@@ -203,7 +223,8 @@ def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
 def remarks(result: Commissioned, before: Parameters) -> list[str]:
     """Sentences: how well the model explains the records, and what these do not tell."""
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
-    if is_other := result.beyond != USUAL:
+    is_other = bool(result.beyond.core_power)
+    if is_other or (set(result.names) & {*STOPS, *REBOUND}):
         said.append(asked(result))
     said += [
         f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
@@ -236,7 +257,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         said.append("The mover does not leave its stop: mass, spring and damping keep their first guesses.")
     if held := [PORTS[n].name for n in DEVIATIONS if n not in (*result.names, *["core_saturation"] * is_other)]:
         said.append(f"Held, for they are 0 or in a file: {', '.join(held)}.")
-    for name in (name for name in result.names if name in PORTS and not (name == "core_bend" and is_other)):
+    for name in (name for name in result.names if name in PORTS and name not in (*REBOUND, *["core_bend"] * is_other)):
         factor = float(getattr(result.parameters, name) / getattr(before, name))
         if abs(math.log(factor)) > FAR * result.believed[name]:
             said.append(
@@ -248,14 +269,20 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
 
 def asked(result: Commissioned) -> str:
     """What the records have asked for beside the usual numbers, and who has it."""
-    beyond, (_, left) = result.beyond, with_usual_knee(result)
-    leak = "a leak beside the gap (`gap.window`), " if "gap_window" in result.names else ""
-    stops = " and elastic stops, on which the mover bounces," if beyond.contact_stiffness else ""
-    return (
-        f"The usual model does not explain this: {leak}a knee b m^{beyond.core_exponent:.3g} of the core{stops} are in"
-        f" these values. Estimators have no such knee: the set has the nearest of theirs, which leaves"
-        f" {quantity(left, 'A')}."
+    (_, left), n = with_usual_knee(result), result.beyond.core_power
+    told = {
+        "gap_window": "a leak beside the gap (`gap.window`)",
+        "core_power": f"a knee b m^{n:.3g} of the core",
+        "contact_stiffness": "elastic stops, on which the mover bounces",
+        "stop_restitution": "hard stops, from which it bounces",
+    }
+    parts = [text for name, text in told.items() if name in result.names and (n or name != "gap_window")]
+    knee = (
+        f" `Mhe` has it, `core.exponent`. Others have the nearest of theirs, which leaves {quantity(left, 'A')}."
+        if n
+        else ""
     )
+    return f"The usual model does not explain this. In these values are: {'; '.join(parts)}.{knee}"
 
 
 def actuator_figure(result: Commissioned, checks: Sequence[Validation]) -> Figure:

@@ -254,7 +254,7 @@ def simulate(par: Parameters, voltages: Matrix) -> Matrix:
 
 DIGITS, PERCENT = 1, 2  # of the criterion, and of what is left, that count; where both are the same the first is taken
 
-SMALLEST = 1e-12  # what is left of a record that the model has made
+SMALLEST = 1e-12  # residual of a record that the model itself has made
 
 
 def best(found: Sequence[Fitted]) -> tuple[int, list[float]]:

@@ -28,7 +28,7 @@ from gapsense.identification.least_squares import rms
 FORMS = ("Froehlich", "bent")  # R_c0/(1 - x), or K x^2/(1 - x^2), at x = flux linkage over that of saturation
 SHARP, POWER = "sharp", 8.0  # K x^8, which no estimator has, to compare with
 LAWS = ((1, 1), (2, 1), (3, 1), (3, 2), (3, 3), (3, 4), (3, 6), (3, 8))  # degree and number, of the slope of R
-LEAST = 1e-4  # of the largest slope of R, so that it rises everywhere
+LEAST = 1e-4  # least slope of R, in the largest one: R rises everywhere
 FARTHEST = 30.0  # saturation, in the largest flux linkage
 SMALL = 0.05  # of the largest value: below, errors are relative to that
 PIECES = (8, 10)  # of the surface, at most, by flux linkage and by gap
@@ -226,7 +226,7 @@ class Penalised(NamedTuple):
     weights: list[float]  # of each kind, that were used
 
     def apart(self, rows: Matrix, left: Vector, weight: float) -> Vector:
-        """What each datum is off what all others say."""
+        """How far each datum is from what all others predict."""
         used = ((weight * rows @ self.directions) ** 2 / (self.values + self.penalty)).sum(axis=1)
         return np.asarray((left - rows @ self.at(self.penalty)) / np.maximum(1.0 - used, TINY))
 

@@ -64,7 +64,7 @@ class Given(NamedTuple):
 
     turns: float
     current: float | None = None  # of all rows [A]
-    parts: float = 1.0  # equal ones of the device, of which the table has one
+    parts: float = 1.0  # equal parts of the device; the table describes one of them
     closed: float | None = None  # position at which the gap is closed, where it is no gap [m]
 
 
@@ -159,7 +159,7 @@ def choose(sheet: Sheet, named: Mapping[str, str], given: Given, problems: list[
         others = {other for key, other in named.items() if key != name}
         if name in named:
             fits = [fit for fit in fits if named[name] in (fit[1], sheet.names[fit[0]])]
-        else:  # what is in Wb tells by its name only whether it is of one turn
+        else:  # in Wb; only its name says whether it is the flux of one turn
             fits = [fit for fit in (meant if meant or kind.unit == "Wb" else fits) if fit[1] not in others]
         wrong = [k for k, n in enumerate(sheet.names) if re.fullmatch(kind.names, n, re.IGNORECASE)]
         where, problem = f"{sheet.path}, heads", ""

@@ -34,7 +34,7 @@ from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.record import Columns, Record, to_record
 from gapsense.identification.parameter_set import Entry, parameter_names, rounded, table_file, write_set, write_table
 from gapsense.identification.residual import Residual
-from gapsense.identification.scale import scaled, spans_of
+from gapsense.identification.scale import process_noise, scaled, spans_of
 from gapsense.identification.valve.model import Trajectory
 from gapsense.problems import listing
 from gapsense.report.plot import SECOND, TRUE, legend, panels
@@ -289,7 +289,7 @@ def windows(m: Models, given: Mapping[str, Value], volts: float | None) -> tuple
         f"At {at} the reduced model moves for {quantity(motion, 's')} and lands {quantity(landing, 's')} after an edge:"
         f" from that are windows and error of `Mhe`, with samples every {quantity(dt, 's')}."
     )
-    return {"sample_time": dt, **tuning}, [told]
+    return {"sample_time": dt, **tuning, **process_noise(volts, m.reduced.turns, error)}, [told]
 
 
 def trial(par: Parameters, volts: float) -> tuple[Record, Trajectory] | None:

@@ -1,12 +1,12 @@
-"""Gap laws by which measured reluctances are described, each with what it leaves over without a gap, and which is best.
+"""Gap laws for measured reluctances, what each leaves over without a gap, and which one is best.
 
-A reluctance that was measured with little flux is that of the core, which does not depend on the gap, and of the gap.
-The laws are nested in a way: the linear one is that of a constant slope, fringing bends it down, and slopes that are
+A reluctance that was measured with little flux is the sum of that of the core, which does not depend on the gap, and
+that of the gap. The laws are nested: the linear one has a constant slope, and fringing bends it down. Slopes that are
 interpolated between a few knots and never negative describe any reluctance that rises with the gap.
 
-The best one foretells best what it has not seen: each gap between the smallest and the largest is left out once, and
-foretold by the law that fits the others.  That takes no noise for known, compares laws of any form, and a law that
-follows the noise foretells worse.
+The best law predicts best what it has not seen. Each gap between the smallest and the largest is left out once, and
+predicted by the law that fits the others. This needs no knowledge of the noise, compares laws of any form, and a law
+that follows the noise predicts worse.
 """
 
 from __future__ import annotations
@@ -180,7 +180,7 @@ def candidate(family: Family, h: Vector, R: Vector) -> Candidate:
 
 
 def best_law(found: list[Candidate]) -> Candidate:
-    """The one with the fewest numbers of those that foretell as well as any."""
+    """Of the laws that predict as well as any, the one with the fewest numbers."""
     limit = max(FINE, AS_GOOD * min(each.foretold for each in found))
     return min((each for each in found if each.foretold <= limit), key=lambda each: (each.size, each.foretold))
 

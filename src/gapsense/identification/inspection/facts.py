@@ -22,7 +22,7 @@ from gapsense.identification.measurements.prepare import FEWEST_AT_REST, offset
 from gapsense.identification.measurements.record import Columns, Offset, Record, Vector
 from gapsense.identification.measurements.signals import edges, hidden, noise, resolution
 
-SWITCHED = 0.1  # of the range of the voltage, that it rises at once where it is switched
+SWITCHED = 0.1  # rise at a switched edge, in the range of the voltage
 OFTEN = 5  # times that the voltage rises in an operation that is switched
 OFF = 0.05  # of the largest voltage: no more is on
 FLOWS = 0.1  # of the largest current
@@ -160,7 +160,7 @@ GONE = 0.03  # of the largest current: less says nothing
 AFTER = 3  # samples after a change of the voltage, in which filters still follow
 SHORTEST = 12  # samples of a held voltage
 LOW = 0.25  # of the largest voltage: less does not drive
-RISEN = 0.9  # of where it begins to fall: a current that begins there has not risen
+RISEN = 0.9  # a current that begins above this share of where it falls has not risen
 MOST = 64  # stretches of an operation that are searched
 FINER = 12  # parts of a fall of the current, over which it is averaged to find its end
 SCALES = (6, 8, 12, 16, 24, 48)  # parts of a falling current in which it is compared with a straight line
@@ -262,7 +262,7 @@ def lowest(i: Vector, begin: int, end: int, width: int) -> int:
 def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
     """Where a falling current falls more slowly than a straight line to what follows, and where it bends down."""
     found = None
-    for part in SCALES:  # the coarsest sees where it begins, the finest that noise lets through where it ends
+    for part in SCALES:  # the coarsest shows where it begins, the finest that noise allows shows where it ends
         h = i.size // part
         width = max(1, h // 2)
         if h < 2 or i.size <= 2 * h + width:

@@ -378,7 +378,7 @@ def scales(found: Facts) -> Table:
 
 
 POINTS = 2000  # of a curve; more are drawn as the span of each of its parts
-BEFORE, AFTER = 0.05, 0.02  # of the length of an operation, that are shown beside it
+BEFORE, AFTER = 0.05, 0.02  # shown before and after an operation, in its length
 MARKS: dict[str, tuple[str, Any]] = {
     "begins": (FAINT, "-"),
     "ends": (FAINT, ":"),

@@ -73,10 +73,10 @@ def digit(t: Vector) -> float:
 
 
 def rounding(t: Vector) -> float:
-    """How coarsely equally spaced times are rounded, as programs of oscilloscopes do, by much of a step; 0 if not so.
+    """How coarsely equally spaced times are rounded, as programs of oscilloscopes do; 0 if they are not rounded so.
 
-    No time may be farther from the straight line through all of them than it is rounded, to digits in all or to digits
-    after the point, so that no sample can be missing unless several times look the same.
+    No time may be farther from the straight line through all of them than the rounding, to significant digits or to
+    digits after the point. So no sample can be missing unless several times look the same.
     """
     steps, ends = np.arange(t.size), t[-1] - t[0]
     units = np.maximum(significant(t), digit(t))
@@ -138,7 +138,7 @@ def _is_steep(x: Vector, first: int) -> bool:
     return change > STEEP * float(np.ptp(x)) and change > 2.0 * resolution(x)
 
 
-SPIKE = 0.2  # of the largest current: all others are smaller, if it is one sample's only
+SPIKE = 0.2  # if all other currents are below this share of the largest one, it is a spike
 LONGEST_RISE, LONGEST_STEP = 0.3, 0.02  # s; no short-stroke actuator is slower
 
 
@@ -171,7 +171,7 @@ def rest_problems(record: Record, file: str) -> Iterator[str]:
 
 
 def _spike(record: Record) -> str:
-    """The one sample whose current hides that of all others, if there is one."""
+    """The one sample whose current dwarfs that of all others, if there is one."""
     i = np.abs(record.current)
     k = int(np.argmax(i))
     others = np.delete(i, k)

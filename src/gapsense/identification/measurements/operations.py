@@ -65,7 +65,7 @@ def coarse(x: Vector) -> float:
 
 
 def is_noise(x: Vector) -> bool:
-    """Whether a signal is white noise, be it as coarse as it may: neighbouring samples differ by all that it varies."""
+    """Whether a signal is white noise, however coarse: neighbouring samples differ as much as all samples do."""
     return bool(x.size > 2 and np.std(np.diff(x, 2)) / np.sqrt(6.0) > WHITE * np.sqrt(np.mean(x**2)) > 0.0)
 
 

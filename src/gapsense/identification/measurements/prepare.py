@@ -15,7 +15,7 @@ from gapsense.identification.measurements.signals import hidden, noise, resoluti
 MOST_OFFSET = 0.1  # of the largest value: more is no offset but a record that does not begin at rest
 SIGNIFICANT = 4.0  # standard errors
 LOWER = 2e-3  # of the range of the current: no more is as low
-HALF = 0.75  # steps of a converter: half of one is the most that it hides
+HALF = 0.75  # steps of a converter; it hides half a step at most
 LEVELS = 16  # values of a signal, from which their smallest difference is a step of a converter
 CUT, FEW = 0.25, 4  # part of the samples at rest that are the smallest one, and how many are no chance
 ONE_WAY = 5.0  # times the largest positive current, from which a negative one is the current of the coil

@@ -41,7 +41,7 @@ from gapsense.problems import InputError, listing, suggest
 from gapsense.units import factor
 
 MOST = 60  # rows above the heads
-SEPARATORS = {";": '";"', "\t": "$'\\t'"}  # that a file may have in place of a comma, and as a shell takes them
+SEPARATORS = {";": '";"', "\t": "$'\\t'"}  # instead of a comma, and as a shell writes them
 
 
 class Line(NamedTuple):

@@ -246,7 +246,7 @@ def _splice(whole: Vector | None, piece: Vector | None, at: slice) -> Any:
 
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of correlation, in samples
-FEW, ALIKE = 0.1, 0.6  # part of the residual that is too little, and what explains nearly as much as another
+FEW, ALIKE = 0.1, 0.6  # share of the residual that is too little; share of the best cause that is nearly as much
 SIGNIFICANT = 4.0  # standard errors from which on a cause counts
 
 
@@ -312,7 +312,7 @@ class Uncertainty(NamedTuple):
     correlation: Matrix  # of the errors of them all
     shape: Mapping[str, float]  # relative standard errors of the numbers of a gap law, see `Form`
     causes: Mapping[str, float]  # standard errors of fitted causes
-    shares: Mapping[str, Share]  # what each of the other causes has of the residual
+    shares: Mapping[str, Share]  # share of the residual that each of the other causes explains
 
 
 class Doubts(NamedTuple):
@@ -354,7 +354,7 @@ def uncertainty(
     for other in with_other_filters(experiments):
         shift = -at.feedback @ (at.inverse @ (residuals(form, [ratios], other)[0] - r))
         cov = cov + np.outer(shift := np.append(shift, at.resistance @ shift), shift)
-    if "delay" in fitted:  # the steps of the model make one, which adds to all that goes with it
+    if "delay" in fitted:  # the steps of the model delay too, which adds to everything correlated with it
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
         cov = cov + np.outer(shift, shift)

@@ -269,10 +269,10 @@ def missing(form: Form, given: Collection[str]) -> list[str]:
 
 
 def guess_similar(par: Parameters, given: Collection[str]) -> Parameters:
-    """What was given, with all else such that voltage and current are about those of the valve of [SEMERA] Table I.
+    """The given values, and all others such that voltage and current are about those of the valve of [SEMERA] Table I.
 
-    These stay the same where lengths are multiplied by s, mass, stiffness and damping by 1/s^2, and reluctances per
-    gap by k, if the core is multiplied by k s and the turns by its square root.
+    Voltage and current stay the same if lengths are multiplied by s, and mass, stiffness and damping by 1/s^2. They
+    also stay if reluctances per gap are multiplied by k, the core by k s, and the turns by its square root.
     """
     return par._replace(**dict(_guesses(par, given)))
 

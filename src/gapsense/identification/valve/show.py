@@ -60,7 +60,7 @@ class Known(NamedTuple):
     parameters: Parameters
     table: Path | None = None
     losses: Mapping[str, float] = {}
-    resistance: float | None = None  # of the coil, where the file has it [Ohm]
+    resistance: float | None = None  # of the coil, if the file has it [Ohm]
     given: frozenset[str] = frozenset()  # fields whose values are known, or were guessed by the user
 
 

@@ -1,9 +1,9 @@
 """Print a traced graph: scalar Python (stdlib only), numpy code or C over many runs, C99 in double or float."""
 
 from gapsense.kernels.emit.c import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, C, Typed, number, same
+from gapsense.kernels.emit.constants import HARMLESS_IN_C, split
 from gapsense.kernels.emit.lanes import Lanes
-from gapsense.kernels.emit.needed import HARMLESS_IN_C, needed, split
-from gapsense.kernels.emit.printer import Graph, indexing
+from gapsense.kernels.emit.printer import Graph, Printer, indexing
 from gapsense.kernels.emit.python import Numpy, Python, compiled, namespace
 
 __all__ = [
@@ -17,12 +17,12 @@ __all__ = [
     "Graph",
     "Lanes",
     "Numpy",
+    "Printer",
     "Python",
     "Typed",
     "compiled",
     "indexing",
     "namespace",
-    "needed",
     "number",
     "same",
     "split",

@@ -19,7 +19,7 @@ WORD = re.compile(r"\b[A-Za-z_]\w*")
 WORDS = re.compile(f"({WORD.pattern})")  # splits a line
 COPY = re.compile(r" *(\w+),? = \1")
 ASSIGNMENT = re.compile(r" *([\w, ]+?),? = (.*)")
-TEMPORARY = re.compile(r"[a-z]\d+")  # as `Printer.fresh` makes them; all others are arguments, which keep their names
+TEMPORARY = re.compile(r"[a-z]\d+")  # made by `Printer.fresh`; all other names are arguments, and stay
 
 
 # Choices in generated code: those on one condition share a branch, and what only one side needs is computed in it.
@@ -55,7 +55,7 @@ class Choosing(Printer):
         self.choices = outer
 
     def block(self, opening: str, region: Region, targets: list[str], values: list[Any]) -> None:
-        """Print a branch: its nodes, and the values that it gives, each after what only it needs."""
+        """Print a branch: its nodes, and the values that it gives, each after the nodes that only it needs."""
         self.write(opening)
         self.depth += 1
         self.region(region)
@@ -220,7 +220,7 @@ from math import floor, frexp, inf, ldexp, nan, sqrt
             stop = self._let(loop.stop, stop)
         for target, value in (*zip(new, values), *zip(loop.targets, new)):
             self.write(f"{target} = {value}")
-        after = dict(zip(values, loop.targets))  # of a value that has a name, what it has become
+        after = dict(zip(values, loop.targets))  # what a value with a name has become
         self.write(f"if {WORD.sub(lambda word: after.get(word[0], word[0]), stop)}:")
         self.write("    break")
 

@@ -1,7 +1,6 @@
-"""Functions and kernels over many runs at once: in C where there is a compiler, by numpy where there is none.
+"""Functions and kernels over many runs at once: in C if there is a compiler, else by numpy.
 
-A run has the bits that it has alone in scalar Python: they do not depend on the other runs, nor on the processor's
-vectors.
+Each run has the bits of scalar Python alone. They do not depend on the other runs, nor on the processor's vectors.
 """
 
 from gapsense.kernels.lanes.code import Code, Row

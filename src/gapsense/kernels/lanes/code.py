@@ -1,9 +1,10 @@
 """A function on flat rows over runs, and the record of calls of such functions.
 
-A row has an entry for each number of a record; an entry is a number of each run, or one for all of them.  Given
-arrays, a `Code` computes at once, by numpy; given plain numbers, a single run, in scalar Python.  Given the values of a
-`Record`, which stand for numbers of runs that come later, it is recorded, with all that plain Python does around it:
-loops over samples are done now, and never again.
+A row has an entry for each number of a record. An entry has a number for each run, or one for all of them.
+
+What a `Code` does depends on what it is given. Arrays are computed at once, by numpy; plain numbers, of a single run,
+in scalar Python. The values of a `Record` stand for numbers of runs that come later: the call is recorded. The plain
+Python around it runs now and never again, with its loops over samples.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class Value:
 
 
 class Call(NamedTuple):
-    """A function, what it takes, and what it makes."""
+    """A function, its arguments, and its results."""
 
     code: Code
     taken: list[Value]

@@ -1,9 +1,9 @@
-"""C of functions over runs: each compiled for the processor of this machine once, and kept for all that call it.
+"""C of functions over runs: compiled once for the processor of this machine, and kept for everything that calls it.
 
-Nobody needs a compiler: without one, or where it fails, `loaded` says so once and gives None.
+No compiler is required: if there is none, or if it fails, `loaded` says so once and returns None.
 
-What is loaded runs as the user.  So the cache is a folder that nobody else can write, and the name of a file in it has
-a hash of its content: what was cut, changed or exchanged is compiled anew.
+What is loaded runs with the rights of the user. So the cache is a folder that nobody else can write, and the name of a
+file in it holds a hash of its content: a file that was cut, changed or exchanged is compiled again.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ HERE = Path(__file__).resolve().parent
 FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", "-w")
 FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compiler knows
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
-PREFIX = "lanes-"  # of all that is ours in the cache
+PREFIX = "lanes-"  # of all our files in the cache
 ENDING = ".dll" if sys.platform == "win32" else ".so"
 COMPILERS_AT_ONCE = 2
 TELLING = threading.Lock()

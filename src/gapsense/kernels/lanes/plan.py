@@ -36,7 +36,7 @@ class Array(Enum):
 
 
 class Plan:
-    """Calls that were recorded, the columns that they are to be given by name and size, and what to keep of them."""
+    """Recorded calls, the columns that they need by name and size, and what to keep of their results."""
 
     def __init__(self, record: Record, given: Mapping[str, int | Array], kept: Sequence[Value]) -> None:
         self.record, self.given, self.kept = record, given, kept
@@ -174,7 +174,7 @@ def _entry(kind: Any, place: int, values: list[Any], arrays: list[Floats]) -> An
     return arrays[place] if kind == "memory" else arrays[place][:, 0] if kind == "table" else values[place]
 
 
-# Recorded calls as numbers: which function, and the places of what it takes and makes.
+# Recorded calls as numbers: the function, and the places of its arguments and results.
 #
 # Values that are not needed at the same time share a place: what is computed for a few runs then fits into the cache.
 

@@ -23,7 +23,7 @@ ALL = 400_000  # points of all curves of a result, which is some 4 MB
 
 @dataclass(frozen=True)
 class Curve:
-    """Values over time [s], in SI units; `band` is what they may be off by, `is_truth` that others are held to them."""
+    """Values over time [s], in SI units; `band` is their uncertainty; others are compared with what `is_truth`."""
 
     name: str
     times: Vector

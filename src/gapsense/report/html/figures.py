@@ -19,9 +19,9 @@ from gapsense.report.html.subject import Event, Shown
 from gapsense.report.table import prefixed
 
 bk: Any = bokeh.models  # whose annotations lack much of it
-LEFT = 64  # pixels for the numbers of the upright axis, so that all panels have one width
+LEFT = 64  # pixels for the numbers of the y-axis, so that all panels have the same width
 EVENT = "#8f6a00"
-HEIGHT, LOW, ROW = 208, 168, 34  # of panels, of those of errors, and of one strip [pixels]
+HEIGHT, LOW, ROW = 208, 168, 34  # heights of a panel, of a panel of errors, of a strip [pixels]
 TUBE = ("baseline, with its tolerance", "this run", "outside of the tolerance")
 GAP = 6  # steps without a value
 WIDE = 0.04  # of the time axis: shorter pieces of a strip have no number in them
@@ -185,7 +185,7 @@ def thinned(curve: Curve, rows: Any) -> Curve:
 
 
 def width(curve: Curve, place: int, count: int) -> float:
-    """Width of a line [pixels]: each is thinner than the one before, so that curves that coincide are all seen."""
+    """Width of a line [pixels]: each is thinner than the one before, so that curves that coincide are all visible."""
     return 4.5 if curve.is_truth else 1.1 + 1.1 * (count - 1 - place) / count
 
 
@@ -294,7 +294,7 @@ def draw_tube(
 
 
 def embedded(drawn: Sequence[Drawn]) -> dict[str, Any]:
-    """All figures as one document of Bokeh, which `page.js` draws, and the place of each of them by its model."""
+    """All figures as one Bokeh document, which `page.js` draws, and the place of each figure by its model."""
     if not drawn:
         return {}
     document, ids = Document(), dict[str, str]()
@@ -309,7 +309,7 @@ def numbered(node: Any, ids: dict[str, str]) -> Any:
     """A document with its models numbered from 1, so that the same result gives the same file."""
     if isinstance(node, list):
         return [numbered(one, ids) for one in node]
-    if isinstance(node, dict):  # of a model or a reference to one: data of ours has no such keys
+    if isinstance(node, dict):  # a model, or a reference to one; our own data has no such keys
         return {k: ids.setdefault(v, f"m{len(ids) + 1}") if k == "id" else numbered(v, ids) for k, v in node.items()}
     return node
 
@@ -331,7 +331,7 @@ class Verdict(NamedTuple):
 
 
 class Chapter(NamedTuple):
-    """A result on the page: a template, what it asks for, and the figures that are in it."""
+    """A result on the page: a template, the values that it needs, and its figures."""
 
     key: str
     title: str

@@ -131,7 +131,7 @@ def why(many: Many, metric: str, beyond: float) -> tuple[str, bool]:
 
 
 def repeated(many: Many, run: int) -> str:
-    """Command that repeats a run, or a line of Python where no option of a command says what it takes."""
+    """Command that repeats a run; or a line of Python, if no option of a command can express it."""
     about, row = many.about, many.rows[run]
     if not many.scenario:
         return f"the scenario has no file: run it with seed_shift={row['seed']}"
@@ -193,7 +193,7 @@ def panels(many: Many) -> Panels:
 
 
 def ordered(many: Many, metric: str, factors: list[str]) -> list[str]:
-    """Parameters, those first that are no numbers, then by how much of the metric goes with them."""
+    """Parameters: first those that are no numbers, then by how strongly the metric depends on them."""
     known = sorted(many.correlations.get(metric, ()), key=lambda one: -one.share)
     numbers = [one.factor for one in known if one.factor in factors]
     return [*(name for name in factors if name not in numbers), *numbers]
@@ -210,7 +210,7 @@ class Drawer:
         self.source = None if self.found.is_counted else self.points()
 
     def points(self) -> Any:
-        """Runs as points, which all plots share: those that are selected in one are so in all."""
+        """Runs as points. All plots share them: a run that is selected in one plot is selected in all."""
         column = self.many.campaign.column
         data = {
             key: (column(name).astype(np.float64) * self.scales[name][0]).astype(np.float32)

@@ -64,7 +64,7 @@ def report(results: Sequence[Path]) -> str:
 
 
 def refuse_without_bokeh(drawn: str) -> None:
-    """Raise an InputError that says what is drawn by bokeh, which is optional and brings jinja2, if it is missing."""
+    """Raise an InputError that names what cannot be drawn if bokeh, which is optional and brings jinja2, is missing."""
     try:
         import bokeh  # noqa: F401
     except ImportError:

@@ -129,7 +129,7 @@ def share(m: Measured) -> float:
 
 
 def status(m: Measured) -> str:
-    """How a metric stands that is within its bounds, if it has any."""
+    """How a metric that is within its bounds stands, in words; no words if it has no bounds."""
     found = share(m)
     is_close = found < NEAR and m.bounds is not None and m.bounds[0] != 0.0  # an error may well be near 0
     return "near a bound" if is_close or found > 1.0 - NEAR else "within" if m.bounds else ""

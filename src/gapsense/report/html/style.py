@@ -1,4 +1,4 @@
-"""Colours and strokes, which can be told apart by those who do not see all colours, on light and dark ground."""
+"""Colours and strokes that colour-blind readers can tell apart too, on light and dark ground."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VALUES = ("#6e7781", "#0067a3", "#916200", "#007a57", "#a83f84", "#3f6d9e", "#52
 
 
 def colours(components: Iterable[str]) -> Mapping[str, int]:
-    """Number of each component; it has one colour on a whole page."""
+    """Number of each component; a component has the same colour on the whole page."""
     return {name: k for k, name in enumerate(dict.fromkeys(components))}
 
 

@@ -16,6 +16,7 @@ from gapsense.problems import InputError
 from gapsense.report.html.many import Many, is_many, read_many
 
 CHANGED = "changes"  # hash of values given by `--set`
+ALONE = "there is no baseline, and signals are paired by their names."
 
 
 @dataclass(frozen=True)
@@ -91,20 +92,14 @@ def scenario_of(result: Result) -> tuple[Scenario | None, str]:
     """The scenario that ran, or why it is not to be had: its metrics tell what is compared, its baseline the tubes."""
     run = result.run
     if not run.source or not Path(run.source).is_file():
-        return (
-            None,
-            "The scenario's file is not where it was: there is no baseline, and signals are paired by their names.",
-        )
+        return None, f"The scenario's file is not where it was: {ALONE}"
     try:
         scenario = load(run.source, run.variant)
     except (InputError, OSError):
-        return None, "The scenario can no longer be read: there is no baseline, and signals are paired by their names."
+        return None, f"The scenario can no longer be read: {ALONE}"
     now = {**Subject(scenario, {}).hashes(), **{name: run.files[name] for name in (CHANGED,) if name in run.files}}
     if now != dict(run.files):
-        return (
-            None,
-            "The scenario has changed since it ran: there is no baseline, and signals are paired by their names.",
-        )
+        return None, f"The scenario has changed since it ran: {ALONE}"
     return scenario, ""
 
 

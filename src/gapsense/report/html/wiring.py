@@ -144,7 +144,7 @@ def add(names: list[str], name: str) -> None:
 
 
 def columns_of(names: Sequence[str], wires: Sequence[Wire]) -> dict[str, int]:
-    """Column of each component: right of all that step before it and drive it."""
+    """Column of each component: to the right of all components that step before it and drive it."""
     place, columns = {name: k for k, name in enumerate(names)}, dict.fromkeys(names, 0)
     for name in names:
         before = [w.source[0] for w in wires if w.target[0] == name and place[w.source[0]] < place[name]]

@@ -14,7 +14,6 @@ from gapsense.cosim.fmu.instance import STEP
 from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import STOP
-from gapsense.cosim.run.turns import can_ramp
 from gapsense.cosim.scenario.records import ITERATIVE, Watch
 
 __all__ = ["Advance", "Work", "advancer", "language"]
@@ -37,7 +36,7 @@ def needs_python(work: Work) -> bool:
     """True for a run that does more than one step after the other, with values that hold in them."""
     experiment = work.experiment
     has_control = experiment.method == ITERATIVE or experiment.step_control is not None
-    return has_control or any(can_ramp(part, experiment) for part in work.parts)
+    return has_control or any(part.interpolates(experiment) for part in work.parts)
 
 
 # Base steps in C, many per call: what loop.c works on, and what its answers mean.
