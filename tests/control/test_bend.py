@@ -5,7 +5,7 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import bend, laws, run_to_run
-from gapsense.control.judging import judged_by_contact, judged_by_current
+from gapsense.control.judging import FELT, judged_by_contact, judged_by_current
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import stops
 from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
@@ -15,16 +15,20 @@ PAR = parameters()
 FLUX, LANDING, AGE = 0.011, 240.0, 400.0
 
 
-def hit(half, speed, landing=LANDING):
-    """A state whose memory has an operation with constant flux linkage that ends at its stop with a speed."""
+def hit(half, speed, landing=LANDING, fluxes=FLUX, growth=0.0):
+    """A state whose memory has an operation that ends at its stop with a speed.
+
+    Its flux linkage is constant, or of each sample; the reluctance of the core may grow with that.
+    """
     state, _ = run_to_run.initial(inputs(), PAR)
     _, z1 = stops(half > 0.5, make_mover(PAR))
     sign = -1.0 if half > 0.5 else 1.0
     positions = [z1 + sign * speed * min(0.0, (k - landing + 0.5) * PAR.sample_time) for k in range(LONGEST)]
-    currents = [FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0] for z in positions]
+    gaps = np.array([gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0] for z in positions])
+    currents = fluxes * (gaps + growth * (fluxes - np.min(fluxes)))
     charges = np.concatenate([[0.0], np.cumsum(0.5 * np.add(currents[1:], currents[:-1]))]) * PAR.sample_time
     memory = {name: np.zeros(2 * LONGEST) for name in ("fluxes", "charges")}
-    memory["fluxes"][round(half) * LONGEST :][:LONGEST] = FLUX
+    memory["fluxes"][round(half) * LONGEST :][:LONGEST] = fluxes
     memory["charges"][round(half) * LONGEST :][:LONGEST] = charges
     known = state.laws
     for each, travel in ((CLOSING, PAR.closing_travel), (OPENING, PAR.opening_travel)):
@@ -80,6 +84,18 @@ def test_stop_that_is_left_at_once_is_told_by_the_current():
     assert state.heard.landing == pytest.approx(220.0, abs=5) and state.noted.hard == 1.0
 
 
+def test_bend_of_a_core_that_saturates_is_no_hit():
+    """Where the flux linkage stops falling, its reluctance does too; the contact comes 1.3 ms later, softly."""
+    since = (np.arange(LONGEST) - 225.0) * PAR.sample_time
+    fluxes = np.clip(0.01 + np.where(since < 0.0, -2.0, 3.5) * since, 0.0, 0.016)
+    state = hit(CLOSING, 0.08, 290.0, fluxes, 2500.0)
+    due = bend.due(bend._plan(state.running, PAR), PAR)
+    state = watched(state._replace(running=state.running._replace(due=due)), 290.0)
+    assert bend._impact(state, 225.0, PAR)[0] > 0.5
+    assert state.heard.landing == 290.0 and state.heard.hit == 0.0
+    assert max(state.noted) == state.alarm == 0.0
+
+
 def whole(state):
     """An operation that has lasted longer than its plan, without a contact."""
     plan = bend._plan(state.running, PAR)
@@ -116,6 +132,31 @@ def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_la
         heard = Heard(2.0, 1.0, 80.0, 480.0 * (1.0 - law), 0.0, 0.0)
         judged = judged_by_current(floating._replace(laws=known, by_model=law, heard=heard), PAR)
         assert judged.noted.changed == 1.0 and judged.alarm == 2.0
+
+
+def near(way, noise=2e-3):
+    """A closing that has stayed so far from its stop, after some that have arrived."""
+    _, _, seated = bend.arrived(whole(hit(CLOSING, 0.1, 200.0)), 0.0, PAR)
+    z = way + stops(True, make_mover(PAR))[1]
+    state = whole(hit(CLOSING, 0.1, 200.0))
+    current = FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0]
+    state.charges[LONGEST:] = current * PAR.sample_time * np.arange(LONGEST)
+    law = laws.read(state.laws, CLOSING)._replace(seated=seated, missed=laws.UNJUDGED)
+    return state._replace(laws=laws.write(state.laws, CLOSING, law), coil=state.coil._replace(noise=noise))
+
+
+def test_mover_that_floats_just_off_its_stop_is_told_unless_noise_may_be_that():
+    """A warm coil with no voltage to spare: 0.1 mm short of the stop, and the estimator is late."""
+    judged = judged_by_current(near(0.1e-3), PAR)
+    assert judged.noted.changed == 1.0 and judged.alarm == 2.0
+    assert judged_by_current(near(0.1e-3, noise=20e-3), PAR).alarm == 0.0
+
+
+@pytest.mark.parametrize(("way", "missed"), [(0.0, laws.UNJUDGED - FELT), (0.05e-3, laws.UNJUDGED)])
+def test_only_a_closing_that_is_seated_as_earlier_ones_is_felt(way, missed):
+    """Else the next one is ordinary, until an estimator has judged this one."""
+    judged = judged_by_current(near(way), PAR)
+    assert laws.read(judged.laws, CLOSING).missed == missed and judged.alarm == 0.0
 
 
 def test_reluctance_of_a_seated_mover_follows_what_is_nearer_at_once_and_what_is_farther_slowly():

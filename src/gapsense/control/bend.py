@@ -7,6 +7,7 @@ more once that is on its stop.
 from __future__ import annotations
 
 from gapsense.control import laws
+from gapsense.control.coil import wandering
 from gapsense.control.mover import gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
@@ -26,7 +27,12 @@ LARGE = 0.5  # of the flux linkage that balances the spring at first: with less 
 LATEST = 1e-3  # time after the planned arrival in which a stop is still heard without a contact [s]
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
-APART = (1.25, 0.75)  # of the reluctance of a seated mover: a closing, an opening beyond has not arrived in time
+APART = 0.12  # of the reluctance of a seated mover: beyond this, and what noise may add, it has not arrived in time
+BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
+RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
+SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
+CORE, BEYOND = 0.4, 0.66  # share of a bend that makes it the core's; a bend that is a hit for all that [m/s]
+FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 FOLLOW = 0.1  # share by which that follows a mover that seems farther away
 UNKNOWN = 1e3  # error of what was not measured
 
@@ -83,6 +89,32 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     return where(plan.is_closing, after - before, before - after)
 
 
+def is_of_core(state: State, par: Parameters) -> Scalar:
+    """Whether the bend before the contact's landing of a closing is that of a core that saturates, and no hit.
+
+    How much the reluctance of the core grows with the flux linkage is told with the mover seated, after its landing.
+    """
+    heard, running, n, m = state.heard, state.running, piece(par), make_mover(par)
+    late = running.due + floor(LATER / par.sample_time + 0.5)
+    is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (heard.landing < late)
+    is_kept = is_kept & (heard.landing > heard.hit + 2.0 * n) & (late + n <= running.age) & (late + n < LONGEST)
+    hit, landing, later = (LONGEST + where(is_kept, at, 2.0 * n + 1.0) for at in (heard.hit, heard.landing, late))
+    more = load(state.fluxes, later) - load(state.fluxes, landing)
+    before, at_hit, after = (load(state.fluxes, hit + k * 2.0 * n) for k in (-1.0, 0.0, 1.0))
+    bend = (after - 2.0 * at_hit + before) / (2.0 * n * par.sample_time)
+    slope, _ = gap_slopes(m.gap.smallest, m)
+    seated = _reluctance(state, landing, par)
+    growth = (_reluctance(state, later, par) - seated) / where(more > RISEN, more, 1.0)
+    is_kept = (
+        is_kept
+        & (more > RISEN)
+        & (heard.hardest < BEYOND)
+        & (running.speed < SLOW * par.approach_first)
+        & (_reluctance(state, hit, par) < seated)
+    )
+    return is_kept & (growth * bend > CORE * slope * heard.hardest)
+
+
 def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
     """Whether the mover was at its stop when it was due, whether it was not, and the reluctance seated from then on.
 
@@ -95,18 +127,28 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     def reluctance(due: Scalar) -> tuple[Scalar, Scalar]:
         is_kept = (due > n) & (due + n <= running.age) & (due + n < LONGEST)
         at = running.command * LONGEST + where(is_kept, due, n)
-        charge, flux = load(state.charges, at + n) - load(state.charges, at - n), load(state.fluxes, at)
-        is_told = is_kept & (flux > TELLING)
-        return charge / where(is_told, 2.0 * n * T_s * flux * opened, 1.0), is_told
+        return _reluctance(state, at, par) / opened, is_kept & (load(state.fluxes, at) > TELLING)
 
     is_closing, later = running.command > 0.5, floor(LATER / T_s + 0.5)
     (early, is_early), (found, is_told) = reluctance(running.due), reluctance(running.due + later)
-    is_elsewhere = where(is_closing, found > APART[0] * seated, found < APART[1] * seated)
+    error = wandering(state.coil, par) / _large(
+        load(state.fluxes, running.command * LONGEST + where(is_told, running.due, 0.0))
+    )
+    apart = 1.0 + APART + VAGUE * where(error < FAR, error, FAR)
+    is_elsewhere = where(is_closing, found > apart * seated, apart * found < seated)
     is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
-    is_there = is_early & where(is_closing, early < CLOSED, early > OPENED) & not_(is_absent)
+    is_beside = (seated <= 0.0) | (is_told & (found < BESIDE * seated))
+    is_there = is_early & where(is_closing, (early < CLOSED) & is_beside, early > OPENED) & not_(is_absent)
     is_better = (seated <= 0.0) | where(is_closing, found < seated, found > seated)
     follows = where(is_better, found, seated + FOLLOW * (found - seated))
     return is_there, is_absent, where(is_told & not_(is_absent), follows, seated)
+
+
+def _reluctance(state: State, at: Scalar, par: Parameters) -> Scalar:
+    """Current over flux linkage around a place in memory [1/H]."""
+    n = piece(par)
+    charge = load(state.charges, at + n) - load(state.charges, at - n)
+    return charge / (2.0 * n * par.sample_time * _large(load(state.fluxes, at)))
 
 
 def due(plan: Operation, par: Parameters) -> Scalar:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import arrived, landed
+from gapsense.control.bend import arrived, is_of_core, landed
 from gapsense.control.coil import left_open, raised
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
@@ -101,7 +101,9 @@ def _with_hit(state: State, par: Parameters) -> Heard:
     plan = planned(running.command, running.speed, running.travel, 0.0, par)
     late = heard.landing * par.sample_time - plan.lead - arrival(plan)
     is_after_it = (heard.landing - heard.hit) * par.sample_time > TARDY
-    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
+    is_hit = (heard.hit > 0.0) & not_(is_of_core(state, par))
+    heard = heard._replace(hit=where(is_hit, heard.hit, 0.0), hardest=where(is_hit, heard.hardest, 0.0))
+    is_before = is_hit & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
     return heard._replace(landing=where(is_before, heard.hit, heard.landing))
 
 
