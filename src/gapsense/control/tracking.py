@@ -66,7 +66,7 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
 
     now, then = cond(is_on, profile, lambda: (0.0, 0.0))
     ohmic = coil.resistance * (coil.last_current + 0.5 * coil.change)
-    wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state) - coil.flux)
+    wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state, is_on) - coil.flux)
     asked = wanted / coil.bridge_gain
     u = clip(asked, par.voltage_least, par.voltage_most)
     plain = where(running.is_plain > 0.0, driving(coil, par), par.voltage_hold)
@@ -75,10 +75,10 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
     return _kept(state, is_on, now, then, is_on & not_(u == asked), par), where(is_on, u, ordinary)
 
 
-def _error(state: State) -> Scalar:
-    """What the loop's flux linkage is wrong by at this sample [Wb]."""
+def _error(state: State, is_on: Scalar) -> Scalar:
+    """What the loop's flux linkage is wrong by at this sample, where a profile is on and that counts [Wb]."""
     half, age, by_model = state.running.command, state.running.age, state.by_model > 0.0
-    return cond(by_model, lambda: correction.at_sample(state.errors, half, age), lambda: 0.0)
+    return cond(is_on & by_model, lambda: correction.at_sample(state.errors, half, age), lambda: 0.0)
 
 
 def _kept(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> State:

@@ -12,6 +12,7 @@ from gapsense.kernels.layout import names
 from gapsense.kernels.trace import Expr, Place, Region, memory_of
 
 LONGEST_QUOTE = 100
+READ = ("par", "constants", "inputs")  # records that are only read: copies would cost stack and time
 
 
 class Function(Typed):
@@ -49,7 +50,7 @@ class Function(Typed):
             before = "" if self.is_baked else f"{name}->"
             text = before + entry
             self.size_of[symbol.id] = before + self.sizes[entry]
-        elif symbol.extra == "memory":
+        elif symbol.extra == "memory" or name in READ:
             text = at
         elif symbol.id in self.uses:
             self.write(f"const {self.type_of(symbol)} {text} = {at};")
