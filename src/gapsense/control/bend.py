@@ -27,7 +27,8 @@ LARGE = 0.5  # of the flux linkage that balances the spring at first: with less 
 LATEST = 1e-3  # time after the planned arrival in which a stop is still heard without a contact [s]
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
-APART = 0.12  # of the reluctance of a seated mover: beyond this, and what noise may add, it has not arrived in time
+APART = 0.12  # of the reluctance of a seated mover: beyond this, and noise, a closing has not arrived in time
+AJAR = 0.75  # of that of an open one: an opening below has not
 BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
@@ -135,7 +136,7 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
         load(state.fluxes, running.command * LONGEST + where(is_told, running.due, 0.0))
     )
     apart = 1.0 + APART + VAGUE * where(error < FAR, error, FAR)
-    is_elsewhere = where(is_closing, found > apart * seated, apart * found < seated)
+    is_elsewhere = where(is_closing, found > apart * seated, found < AJAR * seated)
     is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
     is_beside = (seated <= 0.0) | (is_told & (found < BESIDE * seated))
     is_there = is_early & where(is_closing, (early < CLOSED) & is_beside, early > OPENED) & not_(is_absent)
