@@ -130,4 +130,4 @@ def test_a_magnet_that_bounces_is_explained_within_a_hundredth_of_its_stroke(mag
         assert np.sqrt(np.mean((found[:, 2] - z) ** 2)) < 0.01 * magnet.stroke
     for name in ("mover_mass", "spring_stiffness"):
         off = np.log(getattr(result.parameters, name) / getattr(magnet.plant, name))
-        assert abs(off) < 2.0 * result.errors[name] < 0.15, name
+        assert abs(off) < 2.0 * result.errors[name] < 0.2, name  # of which a gap law 0.75 % off is most
