@@ -268,5 +268,5 @@ def test_unknown_engine_is_refused(fmus):
 def test_vectors_hold_every_metric_and_baseline(fmus):
     outcomes = cosim.test_scenarios(SCENARIOS, fmus, engine="vectors")
     assert not [o for o in outcomes if not o.passed] and len(outcomes) > 40
-    loops = {(load(o.path).experiment.method == ITERATIVE, o.result.run.versions["loop"]) for o in outcomes}
+    loops = {(load(o.path, o.variant).experiment.method == ITERATIVE, o.result.run.versions["loop"]) for o in outcomes}
     assert loops == {(False, "vectors"), (True, "Python only")}
