@@ -28,8 +28,8 @@ LATEST = 1e-3  # time after the planned arrival in which a stop is still heard w
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
 APART = 0.12  # of the reluctance of a seated mover: beyond this, and noise, a closing has not arrived in time
-AJAR = 0.75  # of that of an open one: an opening below has not
 BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
+AJAR = 0.75  # of the reluctance of an open one: an opening below has not arrived in time
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 CORE, BEYOND = 0.4, 0.66  # share of a bend that makes it the core's; a bend that is a hit for all that [m/s]
@@ -96,7 +96,7 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     How much the reluctance of the core grows with the flux linkage is told with the mover seated, after its landing.
     """
     heard, running, n, m = state.heard, state.running, piece(par), make_mover(par)
-    late = running.due + floor(LATER / par.sample_time + 0.5)
+    late = running.due + _later(par)
     is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (heard.landing < late)
     is_kept = is_kept & (heard.landing > heard.hit + 2.0 * n) & (late + n <= running.age) & (late + n < LONGEST)
     hit, landing, later = (LONGEST + where(is_kept, at, 2.0 * n + 1.0) for at in (heard.hit, heard.landing, late))
@@ -122,7 +122,7 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     The reluctance is current over flux linkage, of that of the open actuator; `seated` is that of the last operations
     that have arrived.
     """
-    running, n, T_s, m = state.running, piece(par), par.sample_time, make_mover(par)
+    running, n, m = state.running, piece(par), make_mover(par)
     opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
 
     def reluctance(due: Scalar) -> tuple[Scalar, Scalar]:
@@ -130,7 +130,7 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
         at = running.command * LONGEST + where(is_kept, due, n)
         return _reluctance(state, at, par) / opened, is_kept & (load(state.fluxes, at) > TELLING)
 
-    is_closing, later = running.command > 0.5, floor(LATER / T_s + 0.5)
+    is_closing, later = running.command > 0.5, _later(par)
     (early, is_early), (found, is_told) = reluctance(running.due), reluctance(running.due + later)
     error = wandering(state.coil, par) / _large(
         load(state.fluxes, running.command * LONGEST + where(is_told, running.due, 0.0))
@@ -143,6 +143,11 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     is_better = (seated <= 0.0) | where(is_closing, found < seated, found > seated)
     follows = where(is_better, found, seated + FOLLOW * (found - seated))
     return is_there, is_absent, where(is_told & not_(is_absent), follows, seated)
+
+
+def _later(par: Parameters) -> Scalar:
+    """Samples after the planned arrival at which it is told again."""
+    return floor(LATER / par.sample_time + 0.5)
 
 
 def _reluctance(state: State, at: Scalar, par: Parameters) -> Scalar:
