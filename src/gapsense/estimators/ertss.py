@@ -246,6 +246,7 @@ def _landing(
         return Gaussian(*_loaded(state.samples, motion.place + count, contact.room).kept)
 
     def judged(believed: kinks.Kink, count: Scalar) -> Landing:
+        """The landing at the impact of the current, where the contact closed too late."""
         stop = limit(contact.mode)
         verdict = kinks.judged(believed, kept(count), stop, state.told, m, par.filter)
         is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)
