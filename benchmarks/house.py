@@ -116,6 +116,7 @@ def noted() -> Iterator[set[tuple[str, str]]]:
     found: set[tuple[str, str]] = set()
 
     def note(frame: FrameType, event: str, _: Any) -> None:
+        """Note a call of ours."""
         code = frame.f_code
         if event == "call" and code.co_filename.startswith(str(SRC)) and code.co_name[0] != "<":
             found.add((code.co_filename, code.co_name))
