@@ -199,6 +199,7 @@ def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outp
     begun, _ = advanced(net, plain, command, at, soon, False)  # what switches at once, whatever current comes
 
     def closer(*before: Any) -> tuple[Trial, Scalar]:
+        """A secant step of F, towards the drift with which the step ends at the current that came (8)."""
         trial = Trial(*before)
         coil = plain._replace(drift=trial.drift)
         then, track = advanced(net, coil, command, begun, dt - soon, True)
@@ -238,6 +239,7 @@ def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Output
     m = _magnetizing(inputs.coil_current, state.held, par)
 
     def known() -> tuple[Learnt, Circuit]:
+        """What the last step tells of the coil, and the circuit after it, now that its current is known (7)."""
         learnt, is_inside = _learn(state, m, par), is_set(state.inside)
         command = Command(state.gate, state.gate_low, state.reference, state.enable)
         before, after = _foreseen(par, state.learnt), _coil(par, learnt)
