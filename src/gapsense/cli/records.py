@@ -77,9 +77,9 @@ command("identify")(
         "identifying",
         """
 Where a coil without motion explains the records, it is the result. For a valve the gap law, the stops and the
-relaxed spring have to be known, for no record tells them; inductances or a recorded position give the gap law too,
-and core losses and fringes are found where the evidence is for them. Prints values, standard errors and
-correlations, names what the records do not identify, and with --assume all that was assumed.""",
+relaxed spring have to be known: voltage and current do not show them. Inductances or a recorded position give the
+gap law too. Core losses and fringes are fitted only if the records speak for them. Prints values, standard errors
+and correlations, names what the records do not identify, and with --assume all that was assumed.""",
         out=Path("valve.toml"),
     )
 )

@@ -12,6 +12,7 @@ path or a comparator changes, and at every edge, timer and dead time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -201,56 +202,21 @@ def stored(net: Net, at: Circuit) -> Scalar:
 def _micro_step(
     net: Net, coil: Coil, command: Command, dt: Scalar, keeps: Scalar, left: Scalar, at: Circuit, track: Track
 ) -> tuple[tuple[Scalar, Circuit, Track], Scalar]:
+    """Switch, see what conducts, and integrate up to the next edge or timer, or to where path or comparator changes."""
     at = at._replace(gates=_switched(net, command, at))
     gates, y = at.gates, at.stores
-    legs = levels(net, gates)
-    paths = [_path(net, gates, legs, forward) for forward in (True, False)]
-    ahead, back = (_flow(net, coil, path, y) for path in paths)
-    is_free = ahead.source >= back.source
-    is_ahead = is_free | (ahead.current > 0.0)
-    is_blocked = not_(is_ahead) & not_(back.current < 0.0)
-    path = record(Path, (where(is_ahead, a, b) for a, b in zip(*paths)))
-    is_changed = _is_changed(track, path, is_blocked) & (left < dt)
-    is_first = is_changed & (left > BESIDE) & not_(track.edge < dt)
-    is_past = keeps & (is_changed | (track.edge < dt))
-    path = record(Path, (where(is_past, before, now) for before, now in zip(track.path, path)))
-    is_blocked = (is_past & is_set(track.is_blocked)) | (not_(is_past) & is_blocked)
-    track = Track(where(is_first, dt - left, track.edge), path, flag(is_blocked))
-    level = _level(net, command, gates)
-    is_watched = _is_regulated(net) & is_set(gates.live) & is_over(gates.age_a, net.minimum)
-
-    def flow(y: Stores) -> Flow:
-        found = _flow(net, coil, path, y)
-        v = where(is_blocked, -y.magnetizing / coil.conductance, found.inner)
-        return Flow(where(is_blocked, 0.0, found.current), where(is_blocked, v, found.voltage), v, found.source)
-
-    def margin(y: Stores, i: Scalar) -> Scalar:
-        waiting = least(-_flow(net, coil, paths[0], y).current, _flow(net, coil, paths[1], y).current)
-        turning = where(is_blocked, waiting, where(is_free, 1.0, where(is_ahead, i, -i)))
-        below = where(net.is_restarted, 1.0, i - (level - net.band))
-        found = least(turning, where(is_watched, where(is_set(gates.a), level - i, below), 1.0))
-        return where(is_past, 1.0, found)
-
-    def rates(y: Stores) -> tuple[Stores, Sums]:
-        return _rates(net, coil, path, is_blocked, flow(y), y)
-
-    def after(length: Scalar) -> tuple[Stores, Sums, Flow]:
-        end, sums = rk4(rates, y, length)
-        settled, decay = coil.drift * coil.conductance / coil.inverse, coil.conductance / coil.inverse
-        fallen = (y.magnetizing - settled) * exp(clip(-length / decay, -700.0, 0.0))
-        end = end._replace(magnetizing=where(is_blocked, settled + fallen, end.magnetizing))
-        return end, sums, flow(end)
-
-    length = next_part(left, _next(net, command, gates, _fine(net, coil, path, gates)))
-    end, sums, then = after(length)
+    way, track = _conduct(net, coil, at, track, dt, keeps, left)
+    margin = _margins(net, coil, command, gates, way)
+    length = next_part(left, _next(net, command, gates, _fine(net, coil, way.path, gates)))
+    end, sums, then = _integrate(net, coil, way, y, length)
 
     def shorter() -> tuple[Scalar, Stores, Sums, Flow]:
         def value(length: Scalar) -> Scalar:
-            end, _, then = after(length)
+            end, _, then = _integrate(net, coil, way, y, length)
             return margin(end, then.current)
 
-        found = crossing(value, length, margin(y, flow(y).current), margin(end, then.current))
-        return found, *after(found)
+        found = crossing(value, length, margin(y, way.flow(net, coil, y).current), margin(end, then.current))
+        return found, *_integrate(net, coil, way, y, found)
 
     length, end, sums, then = cond(margin(end, then.current) < 0.0, shorter, lambda: (length, end, sums, then))
     done = Circuit(
@@ -259,9 +225,77 @@ def _micro_step(
         sums=record(Sums, (a + b for a, b in zip(flat(at.sums), flat(sums)))),
         current=then.current,
         voltage=then.voltage,
-        path=where(is_blocked, 0.0, where(is_ahead, 1.0, -1.0)),
+        path=where(way.is_blocked, 0.0, where(way.is_ahead, 1.0, -1.0)),
     )
     return (left - length, done, track), not_(left > length)
+
+
+class Way(NamedTuple):
+    """What conducts in a micro-step."""
+
+    path: Path  # of the current
+    ahead: Path  # of a positive one
+    back: Path  # of a negative one
+    is_ahead: Scalar  # the current is positive
+    is_free: Scalar  # it may change its sign: one of the paths takes it over from the other at zero
+    is_blocked: Scalar  # neither conducts: the current is zero
+    is_past: Scalar  # the step should have ended before: nothing changes any more
+
+    def flow(self, net: Net, coil: Coil, y: Stores) -> Flow:
+        """What flows; nothing does if it is blocked, and then the coil has the voltage of its own."""
+        found = _flow(net, coil, self.path, y)
+        v = where(self.is_blocked, -y.magnetizing / coil.conductance, found.inner)
+        return Flow(
+            where(self.is_blocked, 0.0, found.current), where(self.is_blocked, v, found.voltage), v, found.source
+        )
+
+
+def _conduct(
+    net: Net, coil: Coil, at: Circuit, track: Track, dt: Scalar, keeps: Scalar, left: Scalar
+) -> tuple[Way, Track]:
+    """What conducts from now on, and where that changed first in the step."""
+    legs = levels(net, at.gates)
+    positive, negative = (_path(net, at.gates, legs, forward) for forward in (True, False))
+    ahead, back = (_flow(net, coil, path, at.stores) for path in (positive, negative))
+    is_free = ahead.source >= back.source
+    is_ahead = is_free | (ahead.current > 0.0)
+    is_blocked = not_(is_ahead) & not_(back.current < 0.0)
+    path = _either(is_ahead, positive, negative)
+    is_changed = _is_changed(track, path, is_blocked) & (left < dt)
+    is_first = is_changed & (left > BESIDE) & not_(track.edge < dt)
+    is_past = keeps & (is_changed | (track.edge < dt))
+    path = _either(is_past, track.path, path)
+    is_blocked = (is_past & is_set(track.is_blocked)) | (not_(is_past) & is_blocked)
+    track = Track(where(is_first, dt - left, track.edge), path, flag(is_blocked))
+    return Way(path, positive, negative, is_ahead, is_free, is_blocked, is_past), track
+
+
+def _margins(net: Net, coil: Coil, command: Command, gates: Gates, way: Way) -> Callable[[Stores, Scalar], Scalar]:
+    """How far path and comparators are from a change, by what is stored and the current [A]; negative: it is past."""
+    level = _level(net, command, gates)
+    is_watched = _is_regulated(net) & is_set(gates.live) & is_over(gates.age_a, net.minimum)
+
+    def margin(y: Stores, i: Scalar) -> Scalar:
+        waiting = least(-_flow(net, coil, way.ahead, y).current, _flow(net, coil, way.back, y).current)
+        turning = where(way.is_blocked, waiting, where(way.is_free, 1.0, where(way.is_ahead, i, -i)))
+        below = where(net.is_restarted, 1.0, i - (level - net.band))
+        found = least(turning, where(is_watched, where(is_set(gates.a), level - i, below), 1.0))
+        return where(way.is_past, 1.0, found)
+
+    return margin
+
+
+def _integrate(net: Net, coil: Coil, way: Way, y: Stores, length: Scalar) -> tuple[Stores, Sums, Flow]:
+    """What is stored after a micro-step of this length, what was added to the sums, and what flows then."""
+
+    def rates(y: Stores) -> tuple[Stores, Sums]:
+        return _rates(net, coil, way.path, way.is_blocked, way.flow(net, coil, y), y)
+
+    end, sums = rk4(rates, y, length)
+    settled, decay = coil.drift * coil.conductance / coil.inverse, coil.conductance / coil.inverse
+    fallen = (y.magnetizing - settled) * exp(clip(-length / decay, -700.0, 0.0))
+    end = end._replace(magnetizing=where(way.is_blocked, settled + fallen, end.magnetizing))
+    return end, sums, way.flow(net, coil, end)
 
 
 def _is_changed(track: Track, path: Path, is_blocked: Scalar) -> Scalar:

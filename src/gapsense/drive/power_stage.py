@@ -199,6 +199,7 @@ def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outp
     begun, _ = advanced(net, plain, command, at, soon, False)  # what switches at once, whatever current comes
 
     def closer(*before: Any) -> tuple[Trial, Scalar]:
+        """A secant step of F, towards the drift with which the step ends at the current that came (8)."""
         trial = Trial(*before)
         coil = plain._replace(drift=trial.drift)
         then, track = advanced(net, coil, command, begun, dt - soon, True)

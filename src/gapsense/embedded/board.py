@@ -14,21 +14,11 @@ from gapsense.version import __version__
 LOOP = Path(__file__).with_name("loop")
 CODES = {"float": "f", "double": "d"}  # of struct
 LEAST = 256  # bytes of data in a message
-HEADER = """/* What the messages of this board hold.  Exported by Gapsense {version}; do not edit it. */
-#define GAPSENSE_DATA {data} /* bytes at most */
-#define GAPSENSE_NUMBER {number} /* bytes */
-"""
-SOURCE = """/* The components of this board for the loop.  Exported by Gapsense {version}; do not edit it. */
-#include <string.h>
 
-#include "components.h"
-#include "loop.h"
-{includes}
-{parts}
-const gapsense_component gapsense_components[] = {{
-{rows}}};
-const uint32_t gapsense_components_count = {count};
-"""
+
+def template(name: str) -> str:
+    """A file with names in braces for what each export puts there."""
+    return Path(__file__).with_name("templates").joinpath(f"{name}.txt").read_text(encoding="utf-8")
 
 
 def loop_files(designs: Sequence[Design]) -> Mapping[str, str]:
@@ -36,8 +26,8 @@ def loop_files(designs: Sequence[Design]) -> Mapping[str, str]:
     number = struct.calcsize(CODES[designs[0].real])
     data = max(LEAST, *(8 + number * len(record) for d in designs for record in (*_moved(d), _numbers(d)[0])))
     made = {
-        "components.h": HEADER.format(version=__version__, data=data, number=number),
-        "components.c": SOURCE.format(
+        "components.h": template("components.h").format(version=__version__, data=data, number=number),
+        "components.c": template("components.c").format(
             version=__version__,
             includes="".join(f'#include "{d.name}.h"\n' for d in designs),
             parts="\n".join(part(d) for d in designs),

@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from gapsense.embedded.board import loop_files
+from gapsense.embedded.board import loop_files, template
 from gapsense.embedded.code import Function, constant_table
 from gapsense.embedded.design import Design, sizing
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
@@ -20,67 +20,6 @@ from gapsense.kernels.layout import fields
 from gapsense.problems import InputError
 from gapsense.version import __version__
 
-TEXT = """# Components for microcontrollers
-
-Exported by Gapsense {version}. C99 (and C++), in `{real}`, with the C library's mathematics and nothing else: no
-allocation, no global variable that changes, any number of instances.
-
-{table}
-
-RAM is that of constants, state, inputs and outputs on a 32-bit processor; stack comes to it.{kept}
-
-## Try
-
-On a computer:
-
-    gcc -std=c99 -O2 -ffp-contract=off {first}.c {first}_main.c -lm -o {first} && ./{first}
-
-On a Cortex-M4F under QEMU, with the linker script and the start-up code in `cortex_m/` (for a Cortex-M3:
-`-mcpu=cortex-m3 -mthumb`, machine `mps2-an385`; for a board: the memory in `link.ld`):
-
-    arm-none-eabi-gcc -std=c99 -Os -ffp-contract=off -fno-math-errno -mcpu=cortex-m4 -mthumb -mfloat-abi=hard \\
-        -mfpu=fpv4-sp-d16 -nostartfiles --specs=rdimon.specs -T cortex_m/link.ld \\
-        cortex_m/start.c {first}.c {first}_main.c -lm -o {first}.elf
-    qemu-system-arm -M mps2-an386 -nographic -semihosting -kernel {first}.elf
-
-## Use
-
-{use}
-
-`-ffp-contract=off` gives the same bits everywhere; without it a compiler may join products and sums.
-`-fno-math-errno` lets it use the square root of the processor. Nothing is checked while it runs: keep parameters and
-inputs in the ranges that the header says.{survives}
-"""
-IN_LOOP = """
-## In a co-simulation
-
-`make` builds `cortex-m4.elf`, a board for QEMU that a scenario can have in place of the FMUs (`board`, `firmware`).
-A board of yours needs a file like `qemu.c`: a byte in, a byte out, a counter.
-"""
-MAIN = """{head}
-
-#include <stdio.h>
-
-#include "{name}.h"
-
-enum {{ ROWS = {rows}, STEPS = {steps} }}; /* each row is held for this many steps of {period} s */
-{record}
-int main(void)
-{{
-{declarations}
-
-{prepare}    printf("{titles}\\n");
-    for (int row = 0; row < ROWS; row++) {{
-{inputs}        if (row == 0) {{
-{start}            {name}_initial({initial});
-        }}
-        for (int k = 1; row > 0 && k <= STEPS; k++) {{
-{clock}            {name}_step({step});
-        }}
-{prints}    }}
-    return 0;
-}}
-"""
 DIGITS = {"float": 9, "double": 17}
 WIDTH = 110
 HELPERS = {
@@ -114,7 +53,7 @@ def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: 
     if ram:
         check_memory(designs, ram, in_loop)
         texts[LINK] = texts[LINK].replace(ANY_RAM, f"LENGTH = {ram}\n}}")
-    texts["README.md"] += IN_LOOP * in_loop
+    texts["README.md"] += template("in_loop.md") * in_loop
     keep_foreign({folder / name: text for name, text in texts.items()})
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder, prefix=".export-") as temporary:
@@ -154,7 +93,7 @@ def readme(designs: Sequence[Design]) -> str:
     rows = ["| component | what it is | call its step | RAM, bytes |", "| --- | --- | --- | --- |"]
     rows += [f"| `{d.name}` | {d.component.description} | {_when(d)} | {memory(d):,} |" for d in designs]
     first = designs[0]
-    return TEXT.format(
+    return template("README.md").format(
         version=__version__,
         real=first.real,
         table="\n".join(rows),
@@ -236,7 +175,7 @@ def example(design: Design) -> str:
     times, rows = record(design)
     period = sample_time(design) or times[1]
     steps = max(1, round(times[1] / period))
-    return MAIN.format(
+    return template("main.c").format(
         head=comment(
             f"{design.component.name} at work: it gets a short record and prints its outputs. {origin(design)}"
         ),

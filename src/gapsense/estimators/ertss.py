@@ -246,6 +246,7 @@ def _landing(
         return Gaussian(*_loaded(state.samples, motion.place + count, contact.room).kept)
 
     def judged() -> Landing:
+        """The landing at the impact of the current, where the contact closed too late."""
         stop, count = limit(contact.mode), kinks.supposed(kink, motion.count)
         verdict = kinks.judged(kink, kept(count), stop, state.told, m, par.filter)
         is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)

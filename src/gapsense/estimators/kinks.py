@@ -117,6 +117,7 @@ def sought(
     shifted = vector([where(is_read, current, kink.currents[0]), *kink.currents[:-1]])
 
     def flying() -> Kink:
+        """The kink in the currents of a motion, as far as its samples tell."""
         z, z_prev, lam = (now.x[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
         noise = par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
         jump = m.T_s * (now.voltage - before.voltage) * shifted[0]  # of the current's slope, times the flux linkage

@@ -131,6 +131,7 @@ def crossing(value: Callable[[Scalar], Scalar], end: Scalar, at_start: Scalar, a
     def shrink(
         low: Scalar, at_low: Scalar, high: Scalar, at_high: Scalar, side: Scalar
     ) -> tuple[tuple[Scalar, ...], Scalar]:
+        """The bracket and the values at its ends after one trial, and whether it is narrow enough."""
         slope = at_low - at_high
         secant = high + at_high * (high - low) / where(slope > 0.0, slope, 1.0)
         lowest = low + 0.5 * width

@@ -9,6 +9,7 @@ follow, and runs the model through it again: the smoothed estimate, and where th
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.gap import gap
@@ -246,107 +247,168 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """One sample: the model follows, a piece of the work on the window is done, a smoothed sample is published."""
-    told, before = par, Point(*state.causal)
-    # the reading
-    has_voltage, can_read = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
-    u = where(has_voltage, inputs.voltage, before.voltage)
-    zero = where(is_set(par.option_zero), state.held.zero, 0.0)
-    last = load(state.samples.currents, state.samples.newest)
-    i = where(can_read, inputs.current - zero, last)
-    is_edge, watch = drives(u - before.voltage, par), listen(state.watch, state.samples, u, i, par)
+    """One sample: it is read and kept, the window is worked on, the model follows, and all is judged and published."""
+    told, now = par, _read(state, inputs, par)
+    watch = listen(state.watch, state.samples, now.voltage, now.current, told)
     par = as_seen(watch, told)
     first = model(par, device(par))
-    has_current = can_read & not_(is_wild(state.samples, u, i, par))
-    w = where(has_current & not_(is_edge), weight(par), 0.0)
-    is_same_command = inputs.command == state.last_command
-    samples = _add_sample(state.samples, u, i, w, flag(not_(is_same_command)), par)
-    held = _hold(_forget_held(state.held, is_same_command, par), u, i + zero, par)
-    # the window
-
-    def held_resistance() -> Scalar:
-        return where(held.held_resistance > 0.0, held.held_resistance, _settled_resistance(held, par))
-
-    window, is_first = state.work.window, state.work.pass_start == PassStart.first
-    is_doubtful = where(is_strange(state.watch) | is_untold(watch, told), 1.0, window.is_doubtful)
-    work = state.work._replace(window=window._replace(is_doubtful=is_doubtful))
-    work, smoothed, has_caught_up = cond(
-        is_set(state.follow.is_on),
-        lambda: (wait(work, before, par), state.smoothed, False),
-        lambda: work_on(work, samples, state.smoothed, before, held_resistance, inputs.time, first, par),
-    )
-    is_new = has_caught_up & not_(is_set(work.is_followed))
-    is_told = _is_told_late(work, state.work.learnt)
-    work = work._replace(is_followed=where(has_caught_up, 1.0, work.is_followed))
-    # the causal estimate
-    is_other = is_new | is_first | is_told
-    believed = when(is_other, lambda believed: put(believed, get(work.fit.device, START)), state.believed)
+    now = now._replace(has_current=now.has_current & not_(is_wild(state.samples, now.voltage, now.current, par)))
+    samples = _add_sample(state.samples, now, par)
+    held = _hold(_forget_held(state.held, now.is_same_command, par), now.voltage, now.current + now.zero, par)
+    # the window, (4) to (9)
+    is_doubtful = is_strange(state.watch) | is_untold(watch, told)
+    work, smoothed, news = _work(state, samples, held, is_doubtful, inputs.time, first, par)
+    # the causal estimate, (1) to (3)
+    believed = when(news.is_other, lambda believed: put(believed, get(work.fit.device, START)), state.believed)
     m = with_device(first, Device(*get(believed, START)))
-    before = Point(*when(is_told, lambda _: vector(point(*before[:4], before.voltage, m)), state.causal))
-    reading = Reading(voltage=u, current=i, counts=w > 0.0, variance=1.0 / weight(par))
-
-    def open_loop() -> tuple[Array, Array]:
-        bounces = Bouncing(is_set(watch.is_bouncing), 0.5 * (last + i))
-        at = cond(has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, u, m, bounces)))
-        return at, state.follow.covariance
-
-    causal, covariance = cond(
-        is_set(state.follow.is_on), lambda: feed_back(before, state.follow, reading, m), open_loop
-    )
-    now = Point(*causal)
-    i_model = current(now, mean_of(before.voltage, u, m), m)
-    innovation = where(has_current, i - i_model, 0.0)
+    before = Point(*state.causal)
+    before = Point(*when(news.is_told, lambda _: vector(point(*before[:4], before.voltage, m)), state.causal))
+    causal, covariance = _follow(state, now, before, work, news, is_set(watch.is_bouncing), m, par)
+    at = Point(*causal)
+    i_model = current(at, mean_of(before.voltage, now.voltage, m), m)
+    innovation = where(now.has_current, now.current - i_model, 0.0)
+    # what the innovation says: is the operation strange, is the current to be fed back (10)
     seen = Seen(
         innovation=innovation,
-        has_current=has_current,
-        jump=u - before.voltage,
-        is_edge=is_edge,
+        has_current=now.has_current,
+        jump=now.jump,
+        is_edge=now.is_edge,
         change=inputs.command - state.last_command,
         is_fed_back=is_set(state.follow.is_on),
         before=before,
     )
-    watch = watch_operation(watch, seen, now, work.learnt, m, par)
-
-    def coil() -> Coil:
-        i, creep, R = held.held_current, held.held_drift, _resistance(held, par)
-        left = watch.surprise - i * (1.0 - R / m.d.resistance)  # what another resistance does not explain
-        left = left - clip(left, where(creep < 0.0, creep, 0.0), where(creep > 0.0, creep, 0.0))  # nor where i goes to
-        return Coil(
-            is_edge=is_edge,
-            pulls=fabs(i) > LARGE * par.noise_current,
-            resistance=R,
-            is_right=not_(is_too_large(left, work.learnt, par)),
-        )
-
-    lasts = where(is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
-    follow = decide(
-        state.follow._replace(covariance=covariance, lasts=lasts), is_set(watch.is_large), is_edge, coil, now, m
-    )
+    watch = watch_operation(watch, seen, at, work.learnt, m, par)
+    lasts = where(news.is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
+    follow = state.follow._replace(covariance=covariance, lasts=lasts)
+    coil = partial(_coil, held, now.is_edge, watch, work.learnt, m, par)
+    follow = decide(follow, is_set(watch.is_large), now.is_edge, coil, at, m)
     work = when(is_set(state.follow.is_on), lambda work: _drop_long(work, follow, par), work)
     # what is published
-    work, shown = _publish(work, samples.newest, smoothed, now, inputs.time, par)
-    causes = {
-        INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch) | is_lost(work, par),
-        LOST: not_(has_voltage & has_current),
-        RESTARTED: work.learnt.given_up > 0.0,
-        STILL: is_set(watch.is_still),
-        OTHER: is_untypical(work.fit.q_prior, par),
-        UNTOLD: is_untold(watch, told),
-        UNLEARNT: is_unlearnt(watch, work.learnt, par),
-    }
+    work, shown = _publish(work, samples.newest, smoothed, at, inputs.time, par)
+    fine = _health(now, work, watch, told, par)
     state = State(
         last_command=inputs.command,
         causal=causal,
         believed=believed,
-        held=held._replace(held_rate=u - m.d.resistance * i_model),
+        held=held._replace(held_rate=now.voltage - m.d.resistance * i_model),
         watch=watch,
         follow=follow,
         work=work,
         samples=samples,
         smoothed=smoothed,
     )
-    known = get(work.learnt.deviations, START)
-    return state, _outputs(now, m.d, innovation, shown, work.learnt, known, health(causes), par)
+    return state, _outputs(at, m.d, innovation, shown, work.learnt, get(work.learnt.deviations, START), fine, par)
+
+
+class Sample(NamedTuple):
+    """What was read; in place of a value that was lost, the last one."""
+
+    voltage: Scalar
+    current: Scalar  # less the zero of its sensor
+    zero: Scalar  # which is this [A]
+    last: Scalar  # current of the sample before
+    jump: Scalar  # of the voltage
+    has_voltage: Scalar
+    has_current: Scalar  # neither lost nor wild
+    is_edge: Scalar
+    is_same_command: Scalar
+
+
+def _read(state: State, inputs: Inputs, par: Parameters) -> Sample:
+    """The readings, without those that are lost; whether a current is wild is not known yet."""
+    last_voltage = Point(*state.causal).voltage
+    has_voltage, has_current = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
+    u = where(has_voltage, inputs.voltage, last_voltage)
+    zero = where(is_set(par.option_zero), state.held.zero, 0.0)
+    last = load(state.samples.currents, state.samples.newest)
+    return Sample(
+        voltage=u,
+        current=where(has_current, inputs.current - zero, last),
+        zero=zero,
+        last=last,
+        jump=u - last_voltage,
+        has_voltage=has_voltage,
+        has_current=has_current,
+        is_edge=drives(u - last_voltage, par),
+        is_same_command=inputs.command == state.last_command,
+    )
+
+
+class News(NamedTuple):
+    """What the work on the window says to the causal estimate."""
+
+    has_caught_up: Scalar  # a pass is at the newest sample: the estimate is the pass
+    is_other: Scalar  # the estimate has another device from now on
+    is_told: Scalar  # since a result came so late that it counts before a pass has caught up
+
+
+def _work(
+    state: State, samples: Samples, held: Held, is_doubtful: Scalar, time: Scalar, first: Model, par: Parameters
+) -> tuple[Work, Smoothed, News]:
+    """A piece of the work on the window, (4) to (9); none while the current is fed back (10)."""
+    window, before = state.work.window, Point(*state.causal)
+    is_first = state.work.pass_start == PassStart.first
+    work = state.work._replace(window=window._replace(is_doubtful=where(is_doubtful, 1.0, window.is_doubtful)))
+
+    def resistance() -> Scalar:
+        return where(held.held_resistance > 0.0, held.held_resistance, _settled_resistance(held, par))
+
+    work, smoothed, has_caught_up = cond(
+        is_set(state.follow.is_on),
+        lambda: (wait(work, before, par), state.smoothed, False),
+        lambda: work_on(work, samples, state.smoothed, before, resistance, time, first, par),
+    )
+    is_new = has_caught_up & not_(is_set(work.is_followed))
+    is_told = _is_told_late(work, state.work.learnt)
+    work = work._replace(is_followed=where(has_caught_up, 1.0, work.is_followed))
+    return work, smoothed, News(has_caught_up, is_new | is_first | is_told, is_told)
+
+
+def _follow(
+    state: State, now: Sample, before: Point, work: Work, news: News, bounces: Scalar, m: Model, par: Parameters
+) -> tuple[Array, Array]:
+    """The next `Point`, by the model (1) to (3) or with the current fed back (10), and the covariance of the latter."""
+    reading = Reading(
+        voltage=now.voltage,
+        current=now.current,
+        counts=now.has_current & not_(now.is_edge),
+        variance=1.0 / weight(par),
+    )
+
+    def open_loop() -> tuple[Array, Array]:
+        bouncing = Bouncing(bounces, 0.5 * (now.last + now.current))
+        at = cond(news.has_caught_up, lambda: work.walk.at, lambda: vector(advance(before, now.voltage, m, bouncing)))
+        return at, state.follow.covariance
+
+    return cond(is_set(state.follow.is_on), lambda: feed_back(before, state.follow, reading, m), open_loop)
+
+
+def _coil(held: Held, is_edge: Scalar, watch: Watch, learnt: Learnt, m: Model, par: Parameters) -> Coil:
+    """What a held voltage says of the coil, and whether that explains the innovations."""
+    i, creep, R = held.held_current, held.held_drift, _resistance(held, par)
+    left = watch.surprise - i * (1.0 - R / m.d.resistance)  # what another resistance does not explain
+    left = left - clip(left, where(creep < 0.0, creep, 0.0), where(creep > 0.0, creep, 0.0))  # nor where i goes to
+    return Coil(
+        is_edge=is_edge,
+        pulls=fabs(i) > LARGE * par.noise_current,
+        resistance=R,
+        is_right=not_(is_too_large(left, learnt, par)),
+    )
+
+
+def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parameters) -> Health:
+    """The table of causes on the page."""
+    return health(
+        {
+            INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch) | is_lost(work, par),
+            LOST: not_(now.has_voltage & now.has_current),
+            RESTARTED: work.learnt.given_up > 0.0,
+            STILL: is_set(watch.is_still),
+            OTHER: is_untypical(work.fit.q_prior, par),
+            UNTOLD: is_untold(watch, told),
+            UNLEARNT: is_unlearnt(watch, work.learnt, par),
+        }
+    )
 
 
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
@@ -366,14 +428,16 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
     return can_be_read(inputs.current, most_current(par.range_current, par.range_voltage, par.coil_resistance))
 
 
-def _add_sample(before: Samples, u: Scalar, i: Scalar, w: Scalar, has_command: Scalar, par: Parameters) -> Samples:
+def _add_sample(before: Samples, now: Sample, par: Parameters) -> Samples:
+    """The sample is kept; a current that was lost, or is at an edge, has no weight in (4)."""
+    w = where(now.has_current & not_(now.is_edge), weight(par), 0.0)
     newest = where(before.newest < kept(par) - 1.0, before.newest + 1.0, 0.0)
     return Samples(
         newest=newest,
-        voltages=store(before.voltages, newest, u),
-        currents=store(before.currents, newest, i),
+        voltages=store(before.voltages, newest, now.voltage),
+        currents=store(before.currents, newest, now.current),
         weights=store(before.weights, newest, w),
-        commands=store(before.commands, newest, has_command),
+        commands=store(before.commands, newest, flag(not_(now.is_same_command))),
     )
 
 

@@ -318,6 +318,7 @@ def plan_of(kernel: Kernel, jump: tuple[bool, ...], changes: tuple[bool, ...], w
     wanted = [names.index(name) for name in ("current", "position")[: 2 if with_position else 1]]
 
     def found(at: Any, whole: Any, early: Any, late: Any, mean: Any, first: Any, second: Any, **par: Any) -> list[Any]:
+        """The responses wanted: two steps where the voltage jumps inside an interval, else one."""
         over, resistance = over_runs(kernel), par.pop(RESISTANCE)
         others = [value[0] if isinstance(value, tuple) else value for value in par.values()]
         state, outputs = over.initial((0.0, 0.0, 0.0), (resistance[0], *others))
