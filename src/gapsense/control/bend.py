@@ -35,6 +35,7 @@ AJAR = 0.75  # of the reluctance of an open one: an opening below has not arrive
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 CORE, BEYOND = 0.4, 0.66  # share of a bend that makes it the core's; a bend that is a hit for all that [m/s]
+CORE_ALONE, BEYOND_ALONE = 0.6, 0.9  # the same without a contact, whose bounds of a hit are higher
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
 FOLLOW = 0.1  # share by which that follows a mover that seems farther away
@@ -94,15 +95,17 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
 
 
 def is_of_core(state: State, par: Parameters) -> Scalar:
-    """Whether the bend before the contact's landing of a closing is that of a core that saturates, and no hit.
+    """Whether the bend before the landing of a closing is that of a core that saturates, and no hit.
 
-    How much the reluctance of the core grows with the flux linkage is told with the mover seated, after its landing.
+    How much the reluctance of the core grows with the flux linkage is told with the mover seated: after its landing by
+    the contact, or after it is to have arrived.
     """
     heard, running, n, m = state.heard, state.running, piece(par), make_mover(par)
-    late = told_at(running, par)
-    is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (heard.landing < late)
-    is_kept = is_kept & (heard.landing > heard.hit + 2.0 * n) & (late + n <= running.age) & (late + n < LONGEST)
-    hit, landing, later = (LONGEST + where(is_kept, at, 2.0 * n + 1.0) for at in (heard.hit, heard.landing, late))
+    late, is_alone = told_at(running, par), state.by_model > 0.0
+    landing = where(is_alone, running.due, heard.landing)
+    is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (landing < late)
+    is_kept = is_kept & (landing > heard.hit + 2.0 * n) & (late + n <= running.age) & (late + n < LONGEST)
+    hit, landing, later = (LONGEST + where(is_kept, at, 2.0 * n + 1.0) for at in (heard.hit, landing, late))
     more = load(state.fluxes, later) - load(state.fluxes, landing)
     before, at_hit, after = (load(state.fluxes, hit + k * 2.0 * n) for k in (-1.0, 0.0, 1.0))
     bend = (after - 2.0 * at_hit + before) / (2.0 * n * par.sample_time)
@@ -112,11 +115,11 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     is_kept = (
         is_kept
         & (more > RISEN)
-        & (heard.hardest < BEYOND)
-        & (running.speed < SLOW * par.approach_first)
+        & (heard.hardest < where(is_alone, BEYOND_ALONE, BEYOND))
+        & (is_alone | (running.speed < SLOW * par.approach_first))
         & (_reluctance(state, hit, par) < seated)
     )
-    return is_kept & (growth * bend > CORE * slope * heard.hardest)
+    return is_kept & (growth * bend > where(is_alone, CORE_ALONE, CORE) * slope * heard.hardest)
 
 
 def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:

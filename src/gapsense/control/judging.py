@@ -98,14 +98,19 @@ def _most(speed: Scalar) -> Scalar:
 
 def _with_hit(state: State, par: Parameters) -> Heard:
     """A stop that the current tells, where the contact comes much later than planned, or not at all."""
-    heard, running = state.heard, state.running
+    heard, running = without_core(state, par).heard, state.running
     plan = planned(running.command, running.speed, running.travel, 0.0, par)
     late = heard.landing * par.sample_time - plan.lead - arrival(plan)
     is_after_it = (heard.landing - heard.hit) * par.sample_time > TARDY
-    is_hit = (heard.hit > 0.0) & not_(is_of_core(state, par))
-    heard = heard._replace(hit=where(is_hit, heard.hit, 0.0), hardest=where(is_hit, heard.hardest, 0.0))
-    is_before = is_hit & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
+    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
     return heard._replace(landing=where(is_before, heard.hit, heard.landing))
+
+
+def without_core(state: State, par: Parameters) -> State:
+    """Without a hit that is the bend of a core."""
+    heard, is_hit = state.heard, not_(is_of_core(state, par))
+    heard = heard._replace(hit=where(is_hit, heard.hit, 0.0), hardest=where(is_hit, heard.hardest, 0.0))
+    return state._replace(heard=heard)
 
 
 def _alarmed(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> State:

@@ -41,6 +41,7 @@ from gapsense.control.judging import (
     judged_by_reluctance,
     listened,
     warned,
+    without_core,
 )
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
@@ -109,7 +110,7 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
         judged = judged_by_current(judged_by_contact(state, par), par)
         return learning.begun(judged, half, correction, inputs.impact_speed, par)
 
-    return cond(state.by_model < 1.0, by_contact, lambda: judged_by_current(state, par))
+    return cond(state.by_model < 1.0, by_contact, lambda: judged_by_current(without_core(state, par), par))
 
 
 def _held(state: State, inputs: Inputs, par: Parameters) -> State:
