@@ -50,6 +50,7 @@ def actuator_steps(fmus: Path) -> Costs:
     table = {"gap.law": "table"}
 
     def micro_step(**values: Any) -> Floats:
+        """Seconds that one micro-step more costs."""
         length = actuator.experiment[0].experiment.base_step
         one, many = (actuator.cost("plant", micro_step=length / n, **values) for n in (1, MANY))
         return (many - one) / (MANY - 1)

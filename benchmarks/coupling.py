@@ -119,6 +119,7 @@ def two_masses(stiffness: float) -> Problem:
     damping = 1e-4 * stiffness
 
     def solution(times: Vector) -> Vector:
+        """Position of the first mass, by the matrix exponential."""
         a = [-(40.0 + stiffness), -(0.5 + damping), stiffness, damping]
         b = [stiffness / 2, damping / 2, -(60.0 + stiffness) / 2, -(0.5 + damping) / 2]
         step = expm(np.array([[0, 1, 0, 0], a, [0, 0, 0, 1], b]) * (times[1] - times[0]))
@@ -148,6 +149,8 @@ def five_nodes() -> Problem:
     values = {f"n{i}": (g, b, c) for i, (g, b, c) in enumerate(zip(GAINS, BENDS, BIASES))}
 
     def solution(times: Vector) -> Vector:
+        """The first node, by a root for each time."""
+
         def off(y: Vector, v: float) -> list[float]:
             u, inputs = np.roll(y, 1), [v, 0.1, 0.2, 0.3, 0.4]
             return [BIASES[i] + GAINS[i] * u[i] + BENDS[i] * np.sin(u[i] + inputs[i]) - y[i] for i in range(5)]
@@ -278,6 +281,7 @@ def libcosim(problem: Problem, folder: Path) -> Vector:
     models = {name: read_model_description(str(path)) for name, path in paths.items()}
 
     def end(port: str) -> tuple[int, int]:
+        """Slave and variable of a port."""
         name, _, variable = port.partition(".")
         found = {v.name: v.valueReference for v in models[name].modelVariables}
         return index[name], found[variable]

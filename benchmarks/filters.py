@@ -150,6 +150,7 @@ def component(study: Study) -> tuple[float, Any]:
         state, _ = advance(state, inputs, constants)
 
     def run() -> list[Any]:
+        """States of ours from sample to sample."""
         states = [state]
         for inputs in given[first + 1 : landed]:
             states.append(advance(states[-1], inputs, constants)[0])
@@ -176,6 +177,7 @@ def peer(study: Study, ours: Any) -> tuple[float, Any]:
             self.x = textbook.f(self.x, u, 2, p)
 
     def run() -> list[Any]:
+        """State and covariance of the peer from sample to sample."""
         peer, found = Peer(5, 1), []
         peer.x, peer.P, peer.R = ours[0, :5].copy(), P.copy(), np.array([[TUNING.noise_current**2]])
         variances = np.square(

@@ -106,6 +106,7 @@ def instructions(advance: Callable[..., Any], state: Any, inputs: Sequence[Any],
     count = 0
 
     def traced(frame: FrameType, event: str, _: Any) -> Any:
+        """Count an instruction."""
         nonlocal count
         frame.f_trace_opcodes, frame.f_trace_lines = True, False
         count += event == "opcode"
@@ -146,6 +147,7 @@ def over_runs(module: str, runs: int) -> float:
     par, inputs = drawn(module, runs)
 
     def seconds() -> float:
+        """How long one call takes."""
         begin = perf_counter()
         stepped(kernel(module), inputs, par)
         return perf_counter() - begin

@@ -43,6 +43,7 @@ def _gapsense(experiment: Experiment) -> Outcome:
         loop, seconds = master.loop, 0.0
 
         def timed(*arguments: Any) -> None:
+            """The loop, with its time taken."""
             nonlocal seconds
             begin = perf_counter()
             loop(*arguments)

@@ -66,6 +66,7 @@ def simulate_ssp(fmus: Path) -> Outcome:
         path = write_ssp(experiment, Path(folder, "scenario.ssp"))
 
         def seconds(count: int) -> tuple[float, Any]:
+            """How long so many steps take, and their rows."""
             begin = perf_counter()
             stop = (count - 0.5) * STEP  # it accumulates time and goes on while it is below the stop time
             rows = simulate_ssp(str(path), 0.0, stop, STEP, ParameterSet(parameters=values))

@@ -129,7 +129,10 @@ def timed(master: Master) -> Iterator[dict[str, float]]:
     spent: dict[str, float] = {}
 
     def watched(name: str, method: Any) -> Any:
+        """The method, with its time taken."""
+
         def call(*arguments: Any) -> Any:
+            """Call it."""
             begin = perf_counter()
             try:
                 return method(*arguments)

@@ -48,6 +48,7 @@ def shown(script: Path) -> list[tuple[Cell, Ran]]:
     parts = cells(script.read_text(encoding="utf-8"))
 
     def make(file: Path) -> None:
+        """Run the cells and keep what they showed."""
         with elsewhere():
             done = [tuple(ran) for _, ran in run(parts)]
         file.write_bytes(pickle.dumps(done))

@@ -54,6 +54,7 @@ def made(entry: Entry) -> Path:
     is_file = words[0] == "figure" or words[1] in ("observability-rts", "reference-cycle")
 
     def draw(file: Path) -> None:
+        """Let the command draw it into a file."""
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / Path(entry.place).name
             command = [sys.executable, "-m", "gapsense", *words, "--out", str(out if is_file else folder)]

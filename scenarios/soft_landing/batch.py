@@ -125,6 +125,7 @@ def forward_step(m: Model, variant: Variant, mode_before: float, mode: float) ->
     now = now if mode_before != MOVING or mode == MOVING else before  # the smoother needs all of a landing
 
     def filtered(row: Any, given: Given, varied: Varied, tuning: Tuning) -> Any:
+        """The row after a sample."""
         held, measured = Held(given.voltage, mode_before), Measured(given.current, mode)
         model = varied_model(m, varied, variant)
         new = forward(embedded(row, before), held, measured, model, _tuned(tuning, variant))
@@ -139,6 +140,7 @@ def backward_step(m: Model, variant: Variant) -> Code:
     states = uncertain(variant, MOVING)
 
     def smoothed(row: Any, given: _Voltage, later: Any, varied: Varied, tuning: Tuning) -> Any:
+        """The smoothed row, from the later one."""
         model, held = varied_model(m, varied, variant), Held(given.voltage, MOVING)
         after, tuned = embedded(later, states), _tuned(tuning, variant)
         return extracted(ertss.backward(embedded(row, states), held, after, model, tuned), states)
@@ -152,6 +154,7 @@ def open_step(m: Model, mode_before: float, mode: float) -> Code:
     """Code of one sample of the model without e_i and e_F, on the stop that the mode names or between the stops."""
 
     def predicted(row: Plain, given: _Voltage, varied: Varied) -> Plain:
+        """The row after a sample."""
         x = vector([*row, 0.0, 0.0])
         model = varied_model(m, varied, Variant(0.0, 0.0))
         z, z_prev, lam, _, _ = transition(x, Held(given.voltage, mode_before), model)
@@ -177,6 +180,7 @@ def normalised_errors(variant: Variant) -> Code:
     states = uncertain(variant, MOVING)
 
     def normalised(row: Any, true: _True) -> Normalised:
+        """Squared normalised error of all states, and that of each in deviations."""
         error, deviations = row.x - true.x, vector([math.nan] * 5)
         deviations[states] = [sqrt(variance) for variance in row.P.diagonal()]
         nees = error[states] @ solve(ldl(row.P), error[states])

@@ -139,6 +139,7 @@ def _plan(record: tuple[tuple[float, ...], ...], m: Model) -> Plan:
     z = positions(study.samples, m).tolist()
 
     def sums(varied: Row, current: Row, tuning: Row) -> Row:
+        """Sums of squared errors, by estimator and operation."""
         rows = dict.fromkeys(product(ESTIMATORS, range(len(OPERATIONS))), (0.0, 0.0))
         for name, k, row in estimates(study, Varied(*varied), current, Tuning(*tuning)):
             case = name, operation_of(study.samples, k)

@@ -106,6 +106,7 @@ def plan_of(study: Study) -> tuple[Plan, list[tuple[int, int]]]:
     samples, m, operations = study.samples, study.model, list[tuple[int, int]]()
 
     def normalised(varied: Row, current: Row, tuning: Row) -> Iterator[Any]:
+        """Normalised errors of every motion, the last sample first."""
         model, estimator = Varied(*varied), Estimator(Variant(), Tuning(*tuning), m)
         for motion in filtered(samples, current, model, estimator):
             operations.append((operation_of(samples, motion.first), len(motion.filtered) - LEFT_OUT))

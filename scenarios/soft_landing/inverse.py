@@ -107,6 +107,7 @@ def _along(flux_at: Callable[[float], Flux], H_e: float, act: Actuator, times: V
         delta = math.copysign(1.0, flux_at(0.5 * (start + end)).rate)
 
         def rate(t: float, y: Vector, delta: float = delta) -> list[float]:
+            """Rate of the effective field that gives this flux."""
             flux, (field,) = flux_at(t), y.tolist()
             M_an, steepness = hysteresis.anhysteretic(field, act.core)
             excess = M_an - hysteresis.magnetization(flux.flux, field, act.core)

@@ -120,6 +120,7 @@ def samples_needed(
     scale = scales(states, current)
 
     def needed(i: int) -> float:
+        """Samples until the states are observable; infinite if they never are."""
         for count, window in enumerate(windows(i, states, voltage, mode, m, scale), 1):
             if rank(window.matrix, tolerance) == STATES:
                 return count

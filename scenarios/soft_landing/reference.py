@@ -71,6 +71,7 @@ def plan_of_noise(m: Model, count: int) -> Plan:
     """The plan of `squared_noise` for so many samples; each entry of `_At` is a column."""
 
     def sums(varied: Row, **at: Row) -> Row:
+        """Sums over the samples of a run."""
         samples = [_At(*row) for row in zip(*at.values())]
         states = ((row.z, row.z_prev, row.lam, *_error_code(m)(row, varied)) for row in samples)
         total: Row = (0.0,) * 5
@@ -133,6 +134,7 @@ class _State(NamedTuple):
 @cache
 def _error_code(m: Model) -> Code:
     def errors(at: _At, varied: Varied) -> _Errors:
+        """The errors e_i and e_F that explain a sample."""
         model = varied_model(m, varied, Variant())
         x = vector([at.z, at.z_prev, at.lam, 0.0, 0.0])
         predicted = transition(x, Held(at.voltage, at.mode), model)[0]

@@ -231,6 +231,7 @@ def commission(
     from gapsense.identification.assumptions import ask
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.parameter_set import parameters_of, read_sets
+    from gapsense.identification.scale import GUESSED
 
     picture, believed = checked(figure), shipped(parameters)
     known, (given, marked) = parameters_of("mhe", believed), read_sets([believed])
@@ -242,6 +243,7 @@ def commission(
         records, kept = (read_records(group, how, needs="rest") for group in (paths, others))
         result = fit.commission(records, known, progress, doubts(lacking))
         names = " ".join(path.name for path in paths)
+        given = {name: value for name, value in given.items() if name not in {*GUESSED} & {*marked}}
         write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
         checks = validate_actuator(result.parameters, kept, result.beyond)
         return answer(
@@ -364,6 +366,7 @@ def fem(
     from gapsense.identification.fem.reading import Given, read_solved
     from gapsense.identification.measurements.reading import reading
     from gapsense.identification.parameter_set import read_sets
+    from gapsense.identification.scale import GUESSED, untold_losses
     from gapsense.identification.valve.show import BY_NAME
 
     picture, source, how = checked(figure), Path(data), reading(pairs(column), "end", separator, decimal)
@@ -376,10 +379,13 @@ def fem(
     assumed = [*["coil.turns"] * no_turns, *(n for n in stops if n not in known), *marked]
     models = show.make_models(points, number, float(given["stop.lower"]), float(given["stop.upper"]))
     tuning, told = show.windows(models, given, supply)
+    losses = {} if "core.eddy" in {*known} - {*marked} else untold_losses(number)
+    tuning = show.untold({**losses, **tuning}, known, marked)
+    assumed = [*dict.fromkeys((*assumed, *(name for name in GUESSED if name in tuning)))]
     shown = [*show.fem_tables(models), *told, *show.beyond(points, given, assumed), *meanings(assumed)]
     wrong = show.doubts(models)
     with set_file(out) as (to, folder):
-        files = show.write_fem(to, models, given, tuning, f"gapsense fem {source.name}", [*dict.fromkeys(assumed)])
+        files = show.write_fem(to, models, {**given, **tuning}, f"gapsense fem {source.name}", assumed)
         return answer(
             shown,
             lambda: show.fem_figure(models),

@@ -169,6 +169,12 @@ def test_no_crowd_of_motions_is_too_dense(times: list[tuple[int, int]]) -> None:
     published_once(times, 0)
 
 
+def test_an_impact_before_the_memory_is_no_landing() -> None:
+    """A motion of 42 samples had its landing after one of them, of which nothing was kept."""
+    before = [(2, 58), (1, 3), (1, 55), (4, 4), (42, 56), (47, 3), (19, 2), (51, 53), (1, 1), (1, 1)]
+    published_once([*before, (42, 1), (1, 1)], 1, 2)
+
+
 @pytest.mark.parametrize("memory", [2, 3, 31])
 def test_nor_for_less_memory(memory: int) -> None:
     published_once([(memory, 1), *repeat((1, 1), memory), (memory, 1), (memory + 9, 1), *repeat((1, 1), 9)], 0, memory)

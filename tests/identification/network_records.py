@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from c_code import driven
+from scipy.optimize import brentq
 
 from gapsense.actuators import table_actuator
 from gapsense.actuators.table_actuator import Parameters
@@ -49,6 +50,13 @@ def current(h: float, lam: float) -> float:
     """Static [A]."""
     flux = lam / TURNS
     return ((working(h) + SLIDE) * flux + sum(length * field(flux / area) for length, area in IRON)) / TURNS
+
+
+def static(h: float, amperes: float) -> tuple[float, float]:
+    """Flux linkage and force at a current."""
+    lam, way = float(brentq(lambda x: current(h, x) - amperes, 0.0, 0.5)), 1e-8
+    slope = (working(h + way) - working(h - way)) / (2.0 * way)
+    return lam, -0.5 * slope * (lam / TURNS) ** 2
 
 
 def write(file: Path, gaps: np.ndarray, fluxes: np.ndarray, law: Callable[[float, float], float]) -> Path:

@@ -18,7 +18,7 @@ from gapsense.fmi.components import kernel_parameters, own
 from gapsense.identification.actuator import fit
 from gapsense.identification.actuator.drive import read_excitation
 from gapsense.identification.actuator.kernel import Beyond
-from gapsense.identification.actuator.show import remarks, standard_errors, write_actuator
+from gapsense.identification.actuator.show import complete, remarks, standard_errors, write_actuator
 from gapsense.identification.parameter_set import parameters_of, read_values
 
 NEAR = {"core_reluctance": 4.6e6, "core_saturation": 0.142, "core_bend": 2.9e6, "core_eddy": 4.4e-3}
@@ -103,6 +103,12 @@ def test_the_set_has_the_stops_and_the_nearest_knee_of_the_estimators(concluded,
     assert 0.0 < errors["core.saturation"] < 0.01 * par.core_saturation
     said = " ".join(remarks(result, known))
     assert "a knee b m^12.7 of the core; elastic stops" in said
+
+
+def test_what_was_given_for_filters_stays(concluded):
+    """It was left out, for `fem` had guessed it."""
+    given = {**SHORT.set, "process.current_error": 2e-3}
+    assert complete(concluded[0], given)["process.current_error"] == 2e-3
 
 
 @pytest.mark.slow

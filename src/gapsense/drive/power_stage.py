@@ -239,6 +239,7 @@ def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Output
     m = _magnetizing(inputs.coil_current, state.held, par)
 
     def known() -> tuple[Learnt, Circuit]:
+        """What the last step tells of the coil, and the circuit after it, now that its current is known (7)."""
         learnt, is_inside = _learn(state, m, par), is_set(state.inside)
         command = Command(state.gate, state.gate_low, state.reference, state.enable)
         before, after = _foreseen(par, state.learnt), _coil(par, learnt)

@@ -245,10 +245,10 @@ def _landing(
     def kept(count: Scalar) -> Gaussian:
         return Gaussian(*_loaded(state.samples, motion.place + count, contact.room).kept)
 
-    def judged() -> Landing:
+    def judged(believed: kinks.Kink, count: Scalar) -> Landing:
         """The landing at the impact of the current, where the contact closed too late."""
-        stop, count = limit(contact.mode), kinks.supposed(kink, motion.count)
-        verdict = kinks.judged(kink, kept(count), stop, state.told, m, par.filter)
+        stop = limit(contact.mode)
+        verdict = kinks.judged(believed, kept(count), stop, state.told, m, par.filter)
         is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)
 
         def guessed() -> Scalar:
@@ -268,7 +268,13 @@ def _landing(
 
         return cond(verdict.is_missed, missed, lambda: here(is_doubtful, verdict.told))
 
-    return cond(now.lands & (par.contact_debounce > 0.0), judged, lambda: here(state.is_doubtful, state.told))
+    def landed() -> Landing:
+        believed = kinks.credible(kink, filtered, limit(contact.mode), m, par.filter)
+        count = kinks.supposed(believed, motion.count)
+        is_kept = motion.count - count < contact.room.length
+        return cond(is_kept, lambda: judged(believed, count), lambda: here(1.0, state.told))
+
+    return cond(now.lands & (par.contact_debounce > 0.0), landed, lambda: here(state.is_doubtful, state.told))
 
 
 def _told(landing: Landing, last: Operation, found: Estimate, end: Estimate, stop: Scalar, m: Model) -> kinks.Told:

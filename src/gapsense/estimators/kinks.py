@@ -35,9 +35,10 @@ from gapsense.kernels.layout import Array, Count, Scalar, Vector
 from gapsense.kernels.linalg import deviation, total, vector
 from gapsense.kernels.trace import clip, cond, fabs, loop, not_, sqrt, square, where
 
-SIDE = 6  # samples on each side of a kink
+SIDE = 7  # samples on each side of a kink
 TAPS = 2 * SIDE + 1
-CLEAR = 8.0  # standard deviations of a kink that is none of noise
+CLEAR = 4.0  # standard deviations of a kink that is none of noise
+SURE = 8.0  # the same of one where the spring drives the mover, and of one that would have shown
 LEAST = 0.5  # share of the kink of a mover that stops dead
 SEEN = 0.7  # share that would be clear where none has been: then there was no bounce
 ROUGH = 2.0, 0.3  # what the readings may be off the two lines: in deviations of the noise, in kinks
@@ -119,7 +120,7 @@ def sought(
     def flying() -> Kink:
         """The kink in the currents of a motion, as far as its samples tell."""
         z, z_prev, lam = (now.x[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
-        noise = par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
+        noise = _noise(now, par)
         jump = m.T_s * (now.voltage - before.voltage) * shifted[0]  # of the current's slope, times the flux linkage
         is_steady = is_read & (fabs(jump) <= SPREAD * noise * fabs(lam))
         steady = where(is_steady, kink.steady + 1.0, 0.0)
@@ -149,6 +150,22 @@ def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
     off = [i - currents[SIDE] for i in currents]
     along = total(square(total(w * i for w, i in zip(line, off))) for line in BASIS)
     return total(square(i) for i in off) - along <= TAPS * square(ROUGH[0] * noise + ROUGH[1] * kink)
+
+
+def credible(kink: Kink, end: ekf.State, stop: Scalar, m: Model, par: ekf.Parameters) -> Kink:
+    """The kink before a landing that ends in a state; where the spring drives the mover an unsure one is noise."""
+    is_noise = _is_sprung(end.x[FLUX_LINKAGE], stop, m) & (kink.size < SURE * SPREAD * _noise(end, par))
+    return kink._replace(size=where(is_noise, 0.0, kink.size))
+
+
+def _noise(now: ekf.State, par: ekf.Parameters) -> Scalar:
+    """Deviation of the readings [A], larger where the filter is surprised."""
+    return par.noise_current * sqrt(where(now.watch.surprise > 1.0, now.watch.surprise, 1.0))
+
+
+def _is_sprung(lam: Scalar, stop: Scalar, m: Model) -> Scalar:
+    """Whether the spring drives a mover onto the stop."""
+    return fabs(magnetic_force(gap_law(stop, m)[1], lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
 
 
 def supposed(kink: Kink, count: Scalar) -> Scalar:
@@ -217,13 +234,10 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ek
     Without e_i or e_F the estimate has a bias.
     """
     z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
-    slope = gap_law(stop, m)[1]
-    dead = fabs(slope * lam * (z - z_prev))
+    dead, clear = fabs(gap_law(stop, m)[1] * lam * (z - z_prev)), SURE * SPREAD * par.noise_current
     is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
     is_told = is_kinked & (fabs(z - stop) <= NEAR)
-    is_sprung = fabs(magnetic_force(slope, lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
-    is_free = is_sprung & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
-    clear = CLEAR * SPREAD * par.noise_current
+    is_free = _is_sprung(lam, stop, m) & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
     would_show = (kink.was_steady > 0.5) & (LEAST * dead >= clear)
     is_beyond = not_(would_show) & (kink.beyond >= where(is_free, told.free, BEYOND_PULLED))
     is_likely = (told.free <= BEYOND_BOUNCING) | (kink.beyond >= BEYOND_PULLED)

@@ -145,8 +145,9 @@ def _landing(
     for k in range(first + 1, end + 1):
         motion = Motion(place=0.0, count=float(k - first), start=0.0, stop=1.0 - stop, contact=0.0)
         kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
-    found: kinks.Kink = record(kinks.Kink, kink)
-    count, m = kinks.supposed(found, float(end - first)), normalised(par)
+    m = normalised(par)
+    found = kinks.credible(record(kinks.Kink, kink), record(ekf.State, states[end]), stop, m, par)
+    count = kinks.supposed(found, float(end - first))
     verdict = kinks.judged(found, _gaussian(states[first + int(count)]), stop, told, m, par)
     if not verdict.is_missed:
         return end, states[end][: len(names(Estimate))], False, verdict.told

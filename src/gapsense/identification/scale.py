@@ -13,6 +13,7 @@ import numpy as np
 
 from gapsense.estimators.ekf import USUAL
 from gapsense.estimators.mhe.model import Parameters
+from gapsense.estimators.mhe.window import GUESS
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.measurements.signals import edges, true_runs
 from gapsense.identification.residual import FLOOR, Residual
@@ -24,7 +25,8 @@ ROOM = 2.0  # times what an operation needs, that the longest window is
 MOST = 1998  # samples of a window; `Mhe` has 2000
 FINEST = 0.075  # of `window.tail`, that a sample may last
 DIGITS = 4
-SOLID = 5e3  # S; eddy currents of a solid core, for one turn, that nobody has told
+SOLID, UNTOLD = 5e3, 2e3  # S; eddy currents, for one turn, of a solid core and of one of which nobody has told
+GUESSED = ("core.eddy", "process.current_error")  # what goes with them
 DRIFT = 8e-3  # of the voltage: what is wrong of its integral
 MEMORY = 0.66e-3  # s; with which they forget an error of the current
 
@@ -46,6 +48,11 @@ def scaled(
     }
     rounded = {name: float(f"{x:.{DIGITS}g}") for name, x in found.items()}
     return {name: x for name, x in rounded.items() if x != getattr(known, name.replace(".", "_"))}
+
+
+def untold_losses(turns: float) -> dict[str, float]:
+    """Eddy currents of `Mhe` that are but a guess."""
+    return {"core.eddy": float(f"{UNTOLD / turns**2:.{DIGITS}g}"), "prior.eddy": GUESS}
 
 
 def process_noise(volts: float, turns: float, error: float) -> dict[str, float]:

@@ -268,15 +268,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     i_model = current(at, mean_of(before.voltage, now.voltage, m), m)
     innovation = where(now.has_current, now.current - i_model, 0.0)
     # what the innovation says: is the operation strange, is the current to be fed back (10)
-    seen = Seen(
-        innovation=innovation,
-        has_current=now.has_current,
-        jump=now.jump,
-        is_edge=now.is_edge,
-        change=inputs.command - state.last_command,
-        is_fed_back=is_set(state.follow.is_on),
-        before=before,
-    )
+    seen = _see(state, inputs, now, before, innovation)
     watch = watch_operation(watch, seen, at, work.learnt, m, par)
     lasts = where(news.is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
     follow = state.follow._replace(covariance=covariance, lasts=lasts)
@@ -381,6 +373,19 @@ def _follow(
         return at, state.follow.covariance
 
     return cond(is_set(state.follow.is_on), lambda: feed_back(before, state.follow, reading, m), open_loop)
+
+
+def _see(state: State, inputs: Inputs, now: Sample, before: Point, innovation: Scalar) -> Seen:
+    """What `watch_operation` takes of a sample."""
+    return Seen(
+        innovation=innovation,
+        has_current=now.has_current,
+        jump=now.jump,
+        is_edge=now.is_edge,
+        change=inputs.command - state.last_command,
+        is_fed_back=is_set(state.follow.is_on),
+        before=before,
+    )
 
 
 def _coil(held: Held, is_edge: Scalar, watch: Watch, learnt: Learnt, m: Model, par: Parameters) -> Coil:

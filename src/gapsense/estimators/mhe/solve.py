@@ -10,6 +10,7 @@ Work per sample is bounded: `window.pace` pieces of a pass, or two pivots of an 
    +----> DERIVING  a pass sums up (5)                                       |
    |          |-- a held voltage says another R: once again from the start   |
    |          |-- neither voltage nor motion: nothing is learnt ------------>+
+   |          |-- losses were a guess: a look at the first currents, (5) of them, once again from the start
    |          v                                                              |
    |      SOLVING   pivots, then the step (5) <-- worse: damped (7) --+      |
    |          v                                                       |      |
@@ -30,6 +31,8 @@ from typing import NamedTuple
 from gapsense.estimators.mhe.model import Model, Parameters, Point
 from gapsense.estimators.mhe.window import (
     FARTHEST,
+    LATER,
+    LOOK,
     PACE,
     PAIRS,
     START,
@@ -50,6 +53,8 @@ from gapsense.estimators.mhe.window import (
     has_landed,
     has_moved,
     is_idle,
+    is_look,
+    is_untaught,
     kept,
     origin_of,
     place,
@@ -75,6 +80,7 @@ WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before 
 SHORTENED, SHORTENED_UNTAUGHT = 0.25, 0.5  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
 LARGEST = 0.7  # step of a logarithm
+LOSSES = (1, 5)  # eddy currents and hysteresis, among the corrections
 COST_TOLERANCE = 0.03  # difference of costs that does not matter, in the cost that noise and model error make
 REJECT_MISFIT = 6.0  # from here on nothing is learnt from a window
 REJECT_UNTAUGHT = 30.0  # the same of the first one with a landing: what it teaches is as uncertain
@@ -145,14 +151,6 @@ THOROUGH = Effort(
     searches=4.0,
     backlog=5000.0,
 )
-
-
-def is_untaught(learnt: Learnt, par: Parameters) -> Scalar:
-    """No window with a motion was explained so far, and the device may be far from the one told.
-
-    With `option.further` the search is thorough anyway.
-    """
-    return (learnt.explained < 1.0) & not_(is_set(par.option_further))
 
 
 def effort(learnt: Learnt, par: Parameters) -> Effort:
@@ -274,7 +272,7 @@ def _give_up(work: Work, causal: Point) -> Work:
 def _open_window(work: Work) -> Work:
     """A window begins at its origin, with q as what is known."""
     fit = work.fit
-    window = work.window._replace(end=0.0, least=1.0, has_grown=0.0, has_jumped=0.0, is_doubtful=0.0)
+    window = work.window._replace(end=0.0, least=1.0, has_grown=0.0, has_jumped=0.0, is_doubtful=0.0, look=LOOK)
     fit = fit._replace(q_prior=put(fit.q_prior, get(fit.q, N)), tries=0.0)
     return _start_deriving(work._replace(window=window, fit=fit, search=Search()))
 
@@ -289,10 +287,11 @@ def _start_deriving(work: Work) -> Work:
 
 def _end_pass(work: Work, held: Callable[[], Scalar], samples: Samples, par: Parameters) -> Work:
     """The normal equations are complete; but if a held voltage says that R is another one, all begins with that."""
-    work = work._replace(window=work.window._replace(end=work.walk.done))
+    looks = is_look(work, par)
+    work = work._replace(window=work.window._replace(end=where(looks, 0.0, work.walk.done)))
     R, told = load(work.fit.device, 0), held()
     off = log(where(told > 0.0, told, R) / R)
-    jumps = (fabs(off) > JUMP) & not_(is_set(work.window.has_jumped)) & (work.fit.tries < 1.0)
+    jumps = (fabs(off) > JUMP) & not_(is_set(work.window.has_jumped) | looks) & (work.fit.tries < 1.0)
 
     def jump() -> Work:
         q = clip(load(work.fit.q, 0) + off, -bounds(par)[0], bounds(par)[0])
@@ -307,7 +306,8 @@ def _end_pass(work: Work, held: Callable[[], Scalar], samples: Samples, par: Par
 
 def _start_solving(work: Work, par: Parameters) -> Work:
     """The arrival cost joins the normal equations (5); a held coil says what R is, and nothing of the others."""
-    work = when(not_(has_moved(work.walk)), _keep_resistance, work)
+    looks = work.window.end <= 0.0
+    work = when(looks | not_(has_moved(work.walk)), lambda work: _keep(work, looks), work)
     fit = work.fit
     Pi, d = get_matrix(fit.prior), get(fit.q, N) - get(fit.q_prior, N)
     pull = Pi @ d
@@ -321,11 +321,11 @@ def _start_solving(work: Work, par: Parameters) -> Work:
     return _damp(work._replace(fit=fit), 0.0, par)
 
 
-def _keep_resistance(work: Work) -> Work:
-    """The normal equations of R and of the flux linkage at the start only."""
-    fit, said = work.fit, [k in (0, START) for k in range(N)]
-    normal = [x if said[i] and said[j] else 0.0 for x, (i, j) in zip(get(fit.normal, len(PAIRS)), PAIRS)]
-    gradient = [x if counts else 0.0 for x, counts in zip(get(fit.gradient, N), said)]
+def _keep(work: Work, looks: Scalar) -> Work:
+    """The normal equations of R and of the flux linkage at the start only, or of losses."""
+    fit, said = work.fit, [where(looks, float(k in LOSSES), float(k in (0, START))) for k in range(N)]
+    normal = [x * said[i] * said[j] for x, (i, j) in zip(get(fit.normal, len(PAIRS)), PAIRS)]
+    gradient = [x * counts for x, counts in zip(get(fit.gradient, N), said)]
     return work._replace(fit=fit._replace(normal=put(fit.normal, normal), gradient=put(fit.gradient, gradient)))
 
 
@@ -374,22 +374,29 @@ def _invert(work: Work, par: Parameters) -> Work:
 
 
 def _start_trying(work: Work, par: Parameters) -> Work:
-    """The step (5) of Gauss-Newton; one that lowers the cost (6) by little is not worth its pass."""
-    fit = work.fit
+    """The step (5) of Gauss-Newton; one that lowers the cost (6) by little is not worth its pass.
+
+    If the window is only looked at, it begins again with the step, without a trial.
+    """
+    fit, looks = work.fit, work.window.end <= 0.0
     gradient, retries = get(fit.gradient, N), effort(work.learnt, par).retries
     full = -(get_matrix(fit.normal) @ gradient)  # (5)
     predicted = fit.total - full @ gradient  # (6)
     is_little = fit.total - predicted < COST_TOLERANCE * usual_cost(work.walk, par)
     is_little = (fit.shortenings < 1.0) & (fit.tries > 1.0) & is_little
     stays = is_little | (fit.shortenings >= retries)
-    steps = enumerate(zip(get(fit.q, N), _limit(full, par)))
+    steps = enumerate(zip(get(fit.q, N), _limit(full, looks, par)))
     most = [*bounds(par), FARTHEST]
     change = [clip(q + where(stays, 0.0, x), -most[k], most[k]) - q for k, (q, x) in steps]
+    begun = [q + where(looks, x, 0.0) for q, x in zip(get(fit.q, N), change)]
     return work._replace(
-        phase=Phase.trying,
+        phase=where(looks, Phase.deriving, Phase.trying),
         pass_start=where(is_little, PassStart.under_way, PassStart.due),
         pass_done=flag(is_little),
+        window=work.window._replace(look=where(looks, LATER, 1.0) * work.window.look),
         fit=fit._replace(
+            q=put(fit.q, begun),
+            tries=where(looks, 0.0, fit.tries),
             change=put(fit.change, change),
             predicted_cost=predicted,
             shortenings=where(is_little, retries, fit.shortenings),
@@ -397,14 +404,19 @@ def _start_trying(work: Work, par: Parameters) -> Work:
     )
 
 
-def _limit(full: Array, par: Parameters) -> list[Scalar]:
-    """The step: no logarithm goes farther than `LARGEST`, by a shorter step, or each by itself if more is learnt."""
+def _limit(full: Array, looks: Scalar, par: Parameters) -> list[Scalar]:
+    """The step: no logarithm goes farther than `LARGEST`, by a shorter step, or each by itself if more is learnt.
+
+    At a look the same, but losses, in which currents are linear, go as far as these ask for.
+    """
     farthest: Scalar = 0.0
     for x in full[:LOGARITHMS]:
         farthest = where(fabs(x) > farthest, fabs(x), farthest)
     share = where(farthest > LARGEST, LARGEST / where(farthest > LARGEST, farthest, 1.0), 1.0)
     each = [clip(x, -LARGEST, LARGEST) for x in full]
-    return [where(is_set(par.option_further), one, share * x) for one, x in zip(each, full)]
+    for k in LOSSES:
+        each[k] = where(looks & (full[k] > 0.0), log(1.0 + where(full[k] > 0.0, full[k], 0.0)), each[k])
+    return [where(is_set(par.option_further) | looks, one, share * x) for one, x in zip(each, full)]
 
 
 def usual_cost(walk: Walk, par: Parameters) -> Scalar:

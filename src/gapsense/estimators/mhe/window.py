@@ -46,7 +46,9 @@ FASTEST = 64  # pieces in a step, at most
 FAST = 16.0  # the same where the sample time says how many
 AT_ONCE, SPAN = 4, 80e-6  # samples that derivatives and sums take at once, at most, and their time [s]
 USUAL_TIME = 20e-6  # sample time at which one piece in a step suffices [s]
+GUESS = 1.0  # deviation before the first window from which eddy currents are but a guess
 LARGE = 20.0  # noises that a current must have to say anything of the coil
+LOOK, LATER = 20.0, 4.0  # samples with a voltage until the first look at an operation; times as many until the next
 
 
 class Phase(Choice):
@@ -89,6 +91,7 @@ class Window(NamedTuple):
     has_jumped: Scalar = 0.0  # flag: it began again with the resistance of a held voltage
     is_doubtful: Scalar = 0.0  # flag: the causal estimate was strange, or the readings, since it began
     begins_loose: Scalar = 0.0  # flag: the mover bounces at its start
+    look: Scalar = LOOK  # samples with a voltage after which it is looked at
 
 
 class Walk(NamedTuple):
@@ -348,8 +351,23 @@ def _derive(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Par
         return (new, kept, flag(ends)), (new.done >= limit) | _is_full(new, par) | ends
 
     walk, smoothed, ends = loop(AT_ONCE, one, (work.walk, smoothed, 0.0))
-    work = work._replace(walk=walk, pass_done=ends)
+    work = work._replace(walk=walk, pass_done=where(is_look(work._replace(walk=walk), par), 1.0, ends))
     return when(_is_full(walk, par), lambda work: _add_sums(work, m, par), work), smoothed
+
+
+def is_untaught(learnt: Learnt, par: Parameters) -> Scalar:
+    """No window with a motion was explained so far, and the device may be far from the one told.
+
+    With `option.further` the search is thorough anyway.
+    """
+    return (learnt.explained < 1.0) & not_(is_set(par.option_further))
+
+
+def is_look(work: Work, par: Parameters) -> Scalar:
+    """Whether the first operation is looked at before it ends: its first currents tell losses that were a guess."""
+    is_due = (work.window.end <= 0.0) & (work.walk.driven >= work.window.look) & not_(has_landed(work.walk))
+    is_first = is_untaught(work.learnt, par) & not_(work.learnt.rejected > 0.0)
+    return is_due & is_first & (par.prior_eddy >= GUESS)
 
 
 def _ends(walk: Walk, window: Window, samples: Samples, par: Parameters) -> Scalar:

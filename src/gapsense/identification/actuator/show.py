@@ -105,9 +105,9 @@ def priors(result: Commissioned) -> dict[str, float]:
 def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Value]:
     """What was given, with what was found; without a sampling period of the estimators that of the records.
 
-    With losses that are known, filters have the error of the current that they usually have.
+    With losses that are known, filters have the error of the current that they usually have, if none was given.
     """
-    dt, given = result.drives[0].record.dt, {n: value for n, value in given.items() if n != "process.current_error"}
+    dt = result.drives[0].record.dt
     sharp = sharp_knee(result) if result.beyond.core_power else {name: 0.0 for name in SHARP[:1] if name in given}
     result, _ = with_usual_knee(result)
     models = [at_rest(m, result.parameters) if result.beyond.contact_stiffness else m for m in result.models]

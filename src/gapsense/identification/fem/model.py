@@ -109,6 +109,7 @@ def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> 
     Q = np.linalg.qr(fixed).Q  # once: all but the column of the core stay
 
     def solved(logarithm: float) -> tuple[Vector, float]:
+        """Factors for a saturation of this logarithm, and the squares that they leave."""
         column = lam * bend(lam / np.exp(logarithm), form)[0] / (turns**2 * scale(points.current))
         column = np.append(column, np.zeros(len(pull)))
         other = column - Q @ (Q.T @ column)

@@ -34,7 +34,7 @@ from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.record import Columns, Record, to_record
 from gapsense.identification.parameter_set import Entry, parameter_names, rounded, table_file, write_set, write_table
 from gapsense.identification.residual import Residual
-from gapsense.identification.scale import process_noise, scaled, spans_of
+from gapsense.identification.scale import process_noise, scaled, spans_of, untold_losses
 from gapsense.identification.valve.model import Trajectory
 from gapsense.problems import listing
 from gapsense.report.plot import SECOND, TRUE, legend, panels
@@ -222,7 +222,6 @@ def write_fem(
     file: Path,
     m: Models,
     given: Mapping[str, Value],
-    tuning: Mapping[str, float],
     origin: str,
     assumed: Sequence[str],
 ) -> list[Path]:
@@ -235,7 +234,7 @@ def write_fem(
     }
     plant = file.with_name(f"{file.stem}_map.csv")
     write_atomically(plant, lambda out: write_columns(out, columns, MAP_UNITS))
-    found = {**values(m), "gap.file": str(gap.resolve()), "map.file": str(plant.resolve()), **tuning}
+    found = {**values(m), "gap.file": str(gap.resolve()), "map.file": str(plant.resolve())}
     kept = {name: value for name, value in given.items() if not name.startswith(("gap.", "core.bend", "map."))}
     write_set(
         file,
@@ -245,6 +244,11 @@ def write_fem(
         assumed=assumed,
     )
     return [gap, plant]
+
+
+def untold(tuning: Mapping[str, float], given: Mapping[str, Value], assumed: Sequence[str]) -> dict[str, float]:
+    """Tuning that nobody has given; what was assumed before is made anew."""
+    return {name: value for name, value in tuning.items() if name not in given or name in assumed}
 
 
 def beyond(points: Solved, given: Mapping[str, Value], assumed: Sequence[str]) -> list[str]:
@@ -269,7 +273,8 @@ def windows(m: Models, given: Mapping[str, Value], volts: float | None) -> tuple
     if volts is None or missing:
         return {}, [f"No windows for `Mhe`: {listing(missing)} missing. Give them, in `--parameters`."]
     names = parameter_names([own("mhe")])
-    known = {name: value for name, value in {**given, **values(m)}.items() if name in names}
+    known = {**untold_losses(m.reduced.turns), **given, **values(m)}
+    known = {name: value for name, value in known.items() if name in names}
     par: Parameters = kernel_parameters(own("mhe"), {**known, "gap.file": str(table_file(law_rows(m)))})
     at, dt = quantity(volts, "V"), float(par.sample_time)
     if (found := trial(par, volts)) is None:

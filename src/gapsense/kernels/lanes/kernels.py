@@ -77,6 +77,7 @@ def plan_of(kernel: Kernel, samples: int, outputs: tuple[str, ...]) -> Plan:
     over = over_runs(kernel)
 
     def steps(**columns: Any) -> list[Any]:
+        """The chosen outputs of all samples."""
         inputs = columns.pop(INPUTS)
         par = [value[0] if isinstance(value, tuple) else value for value in columns.values()]
         constants = over.constants(par)
