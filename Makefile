@@ -2,7 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(shell find src fmus -type f -not -name '*.pyc' -not -name reference.csv) build_fmus.py
-INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+# --no-compile: of what is installed, a third is ever imported, and Python keeps its code then
+INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 BY_FILE = -n 2 --dist loadfile --no-loadscope-reorder  # what the tests of a file share is computed once; order: tests/conftest.py
 BUILT = GAPSENSE_BUILT=build/fmus GAPSENSE_NATIVES=build/native  # need not be built again by the tests
 unexport PYTHONDONTWRITEBYTECODE  # hundreds of processes would each compile what they import

@@ -7,6 +7,8 @@ import sys
 
 _signal.signal(_signal.SIGINT, lambda *_: (os.write(2, b"interrupted.\n"), os._exit(130)))
 gc.set_threshold(200_000)  # loading makes many objects that stay: to look for others among them takes a while
+# Matrices here are small, and to start threads for larger ones takes half the time of numpy, in each process of a run.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def main() -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,27 @@ def gapsense() -> Callable[..., Any]:
         return result
 
     return call
+
+
+@pytest.fixture
+def rising(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Asserts that the command that was called has told how far it is, up to all that is to be done."""
+    told: list[list[tuple[float, float]]] = []
+
+    @contextmanager
+    def bar(title: str) -> Iterator[Callable[[float, float], None]]:
+        told.append([])
+        yield lambda done, total: told[-1].append((done, total))
+
+    def assert_rising() -> None:
+        for steps in told:
+            shares = [done / total for done, total in steps]
+            assert len({total for _, total in steps}) == 1 and len(shares) > 1
+            assert shares == sorted(shares) and 0.8 < shares[-1] <= 1.0
+        assert told
+
+    monkeypatch.setattr("gapsense.scenarios.soft_landing.study.bar", bar)
+    return assert_rising
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -55,3 +56,14 @@ def test_usual_run_loads_neither_typer_nor_fmpy(tmp_path):
         assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
     assert (tmp_path / "a.csv").is_file()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@pytest.mark.parametrize(("given", "kept"), [({}, "1"), ({"OPENBLAS_NUM_THREADS": "2"}, "2")])
+def test_numpy_starts_no_threads_unless_they_are_asked_for(given, kept):
+    shown = "os.environ['OPENBLAS_NUM_THREADS'], len(os.listdir('/proc/self/task'))"
+    code = f"import os, gapsense.__main__, numpy; print({shown})"
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"} | given
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    variable, threads = done.stdout.split()
+    assert variable == kept and (given or threads == "1")

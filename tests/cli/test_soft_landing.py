@@ -25,7 +25,7 @@ def refused(done) -> list[str]:
     return done.stderr.splitlines()
 
 
-def test_voltage_table_is_written_and_its_use_told(gapsense):
+def test_voltage_table_is_written_and_its_use_told(gapsense, rising):
     done = gapsense("soft-landing", "--out", "new/drive.csv", "--making-duration", 5e-3, "--breaking-start", 12e-3)
     assert (done.exit_code, done.stderr) == (0, "")
     times, voltages = read_table(Path("new/drive.csv"), ("time [s]", "voltage [V]"))
@@ -35,6 +35,7 @@ def test_voltage_table_is_written_and_its_use_told(gapsense):
     assert re.search(r"^  moving +1 +6 ", done.stdout, re.MULTILINE)
     for words in ("soft_landing.repeat_from = 0.02", f"{len(times)} rows", "nm"):
         assert words in done.stdout
+    rising()
 
 
 @pytest.fixture(scope="module")
@@ -91,9 +92,10 @@ def test_impossible_motion_is_refused_and_nothing_written(gapsense):
     ("command", "words"),
     [("reference-cycle", "-1.223"), ("observability-rts", "never observable: t = 5 ms, 15 ms")],
 )
-def test_study_prints_its_numbers_and_draws_its_figure(gapsense, command, words):
+def test_study_prints_its_numbers_and_draws_its_figure(gapsense, rising, command, words):
     done = gapsense("study", command, "--out", "new/figure.png")
     assert (done.exit_code, done.stderr) == (0, "")
     assert words in done.stdout and "new/figure.png written" in done.stdout
+    rising()
     assert Path("new/figure.png").stat().st_size > 20_000
     assert "x.txt" in refused(gapsense("study", command, "--out", "x.txt"))[0]

@@ -17,6 +17,7 @@ from gapsense.estimators.rts import smooth_record
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, blind
+from gapsense.scenarios.soft_landing.cycle import reference, sampled
 from gapsense.studies.devices import RTS_VALVE
 
 T_S, HALF, CYCLES = 20e-6, 500, 4
@@ -185,6 +186,19 @@ def test_a_jump_of_the_voltage_or_a_wild_current_is_no_impact() -> None:
         rows = run_in_c(ertss, np.column_stack(columns), kernel_parameters(own("ertss"), blind(VALVE)))
         found = dict(zip(names(ertss.Outputs), rows.T))
         assert found["bounces"].max() == 0.0 and np.array_equal(found["takeoff_time"], one.found["takeoff_time"])
+
+
+@pytest.mark.parametrize("noise", [2e-3, 6e-3])
+def test_a_voltage_that_brakes_the_mover_is_no_impact(noise: float) -> None:
+    """In soft landings it bends the current as an impact at that speed does, by 2 mA per sample."""
+    s = sampled(reference())
+    voltage, current, mode = (np.tile(signal[:-1], 8) for signal in (s.voltage, s.current, s.mode))
+    for seed in NOISY:
+        measured = current + noise * np.random.default_rng(seed).standard_normal(current.size)
+        columns = (T_S * np.arange(current.size), voltage, measured, mode, np.zeros(current.size))
+        par = kernel_parameters(own("ertss"), blind(VALVE) | {"noise.current": noise})
+        found = dict(zip(names(ertss.Outputs), run_in_c(ertss, np.column_stack(columns), par).T))
+        assert found["bounces"].max() == 0.0
 
 
 def test_a_record_has_the_same_impacts() -> None:

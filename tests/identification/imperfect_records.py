@@ -34,9 +34,11 @@ class Condition(NamedTuple):
     series: float = 0.0  # resistance of supply and switch [Ohm]
     diode: float = 0.0  # drop while the current falls [V]
     clamp: float = 0.0  # the same, in the recorded voltage [V]
-    duty: float = 1.0  # of PWM as fast as the samples, of which the voltage shows nothing
+    duty: float = 1.0  # of PWM as fast as the samples, of which the voltage shows nothing, or of
+    carrier: float = 0.0  # this period [s]
     peak: float = 0.0  # how long it has not begun [s]
     slew: float = 0.0  # how long the driver takes for an edge [s]
+    lag: float = 0.0  # time constant of its output [s]
     only_command: bool = False  # recorded in place of the voltage
     offset: float = 0.0  # of the current [A]
     gain: float = 1.0  # of the current
@@ -96,6 +98,9 @@ def record(c: Condition, volts: float, count: int, rng: np.random.Generator) -> 
     t = (np.arange(FINE * samples) + 1) * fine - (c.rest - 1 + c.edge) * c.dt
     middle = t - 0.5 * fine
     command = np.where((middle > 0.0) & (middle % c.period < c.on), volts, 0.0)
+    if c.carrier:
+        command *= (middle % c.period) % c.carrier < c.duty * c.carrier
+    command = lowpass(command, fine, c.lag)
     if c.slew:
         steps = round(c.slew / fine)
         command = lfilter(np.full(steps, 1.0 / steps), [1.0], command)
@@ -121,7 +126,7 @@ def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.nda
     for k, (t, wanted) in enumerate(zip(times.tolist(), command.tolist())):
         R = c.par.coil_resistance * (1.0 + c.warming * k / times.size)
         on = wanted > 0.0
-        mean = wanted * (c.duty if t % c.period > c.peak else 1.0) - (c.series * i if on else 0.0)
+        mean = wanted * (c.duty if t % c.period > c.peak and not c.carrier else 1.0) - (c.series * i if on else 0.0)
         v = mean if on or i < 1e-5 else -c.diode - c.clamp
         shared = 1.0 + R * c.eddy  # i = (g u + i_mag) / (1 + R g)
         state, outputs = step(state, (t, dt, v / shared), (R / shared, *constants))

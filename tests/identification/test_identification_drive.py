@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from imperfect_records import DROPS, Condition
 from imperfect_records import record as imperfect
+from random_records import off
 from valve_records import record
 
 from gapsense.identification import identify as choice
@@ -221,3 +222,23 @@ def test_first_edge_just_after_a_sample_is_found_there():
     result = fit_valve([one], VALVE, starts=1, conventions=CONVENTIONS, sought=Sought(("eddy",)))
     assert result.is_explained and result.places["place.0.29"] == pytest.approx(-0.47, abs=0.05)
     assert max(map(abs, z(result).values())) < 4.0
+
+
+def test_slow_driver_is_no_filter_of_the_sensors():
+    """Its edges were called `filtered`, and its lag was taken for one of the instruments."""
+    for slow, conventions in (({"slew": 150e-6}, CONVENTIONS), ({"lag": 40e-6}, ("slow",))):
+        c = Condition(edge=0.3, eddy=3e-4, **slow)
+        one = imperfect(c, 30.0, 2, np.random.default_rng(28))
+        result = fit_valve([one], VALVE, starts=1, conventions=conventions, sought=Sought(("eddy",)))
+        said = " ".join(remarks(result))
+        assert result.is_explained and result.convention == "slow", slow
+        assert "The driver is slow" in said and "Both channels" not in said and "best read as `slow`" in said
+        assert max(map(abs, off(c, result).values())) < 3.0, off(c, result)
+
+
+@pytest.mark.parametrize("carrier", [9 * 50e-6, 9.3 * 50e-6])
+def test_pwm_whose_edges_have_no_places_is_named_and_its_mean_doubted(carrier):
+    """In step with the samples, each edge is lost at the same place: reluctance and spring were many errors off."""
+    result = fit_valve([made(29, carrier=carrier, duty=0.72)], VALVE, starts=1, sought=Sought(("eddy",)))
+    assert "switched every 9" in " ".join(remarks(result)) and "(PWM)" in " ".join(remarks(result))
+    assert not result.is_explained or max(map(abs, z(result).values())) < 3.0, z(result)

@@ -23,7 +23,7 @@ from gapsense.kernels.lanes import Code
 from gapsense.kernels.layout import flat, names, record
 
 RUNS = 8
-FEW, MANY = (3, 30), (8, 50)  # random sequences, and their lengths
+FEW, MANY = (3, 20), (8, 50)  # random sequences, and their lengths
 SMALL = ("gapsense.estimators.integral", "gapsense.sensor.sensor", "gapsense.actuators.pot_magnet")
 MODULES = kernel_modules()
 ERRORS = (ZeroDivisionError, OverflowError, ValueError)  # of Python, where C goes on with inf or NaN

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drivers import ROOT
+from scenarios_of_ours import EVERY
 
 from gapsense import cosim
 
 OFTEN = "semera_valve"
 SCENARIOS = [
     pytest.param(file.parent, id=file.parent.name, marks=() if file.parent.name == OFTEN else pytest.mark.slow)
-    for file in cosim.find_scenarios(ROOT / "scenarios")
+    for file, variant in EVERY
+    if not variant
 ]
 
 

@@ -12,24 +12,22 @@ import nine
 import numpy as np
 import pytest
 from opened import METRICS, PATIENCE, Opened
+from scenarios_of_ours import EVERY, read
 
 from gapsense.cosim import changed, run
-from gapsense.cosim.scenario.read import load
 from gapsense.cosim.scenario.records import ITERATIVE
 from gapsense.page.page import write_page
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("zig")]
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted(f for f in ROOT.glob("scenarios/*/scenario.toml") if f.parent.name != "firmware")  # which is run_to_run
-SCENARIOS = [f.parent for f in FILES]
 FIRST = [  # a page iterates no loops
-    next((f.parent, v) for v in (None, *load(f).variants) if load(f, v).experiment.method != ITERATIVE) for f in FILES
+    next((f.parent, v) for g, v in EVERY if g == f and read(f, v).experiment.method != ITERATIVE) for f in FILES
 ]
 WITH_EVENTS = [  # variants that have events
-    (folder, name)
-    for folder in SCENARIOS
-    for name in load(folder).variants
-    if any(event.enabled for event in load(folder, name).events.values())
+    (file.parent, name)
+    for file, name in EVERY
+    if name and file in FILES and any(event.enabled for event in read(file, name).events.values())
 ]
 LARGEST = 400_000  # bytes of a page
 STOPWATCH = """

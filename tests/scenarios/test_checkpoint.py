@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scenarios_of_ours
+from scenarios_of_ours import read
 
-from gapsense.cosim import Checkpoint, Master, find_scenarios, load, prepare, run
+from gapsense.cosim import Checkpoint, Master, prepare, run
 from gapsense.cosim.run.apart import Plan, Watch, record_apart
 from gapsense.cosim.run.checkpoint import keeper
 from gapsense.cosim.run.recording import Subject
@@ -29,8 +31,8 @@ COUNT, EVERY = 500, 251  # base steps: components of other steps and offsets are
 
 
 def test_cases_have_all_fmus_of_the_scenarios():
-    drafts = [load(path, variant) for path in find_scenarios(SCENARIOS) for variant in (None, *load(path).variants)]
-    chosen = [load(SCENARIOS / folder, variant) for folder, variant, _ in CASES]
+    drafts = [read(*each) for each in scenarios_of_ours.EVERY]
+    chosen = [read(SCENARIOS / folder / "scenario.toml", variant) for folder, variant, _ in CASES]
     assert fmus_of(chosen) == fmus_of(drafts)
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scenarios_of_ours
+from scenarios_of_ours import read
 
 from gapsense import campaign, cosim
 from gapsense._os.native import own_compiler
@@ -31,10 +33,9 @@ QUICK = [
 LONG = ("run_to_run_day", "firmware")
 EVERY = [
     (p.parent.name, v)
-    for p in sorted(SCENARIOS.rglob("scenario.toml"))
-    for v in (None, *load(p).variants)
-    if not any(component.board for component in load(p, v).components.values())  # which are no vectors
-    and load(p, v).experiment.method != ITERATIVE  # nor are loops that are iterated; power_stage has an explicit one
+    for p, v in scenarios_of_ours.EVERY
+    if not any(component.board for component in read(p, v).components.values())  # which are no vectors
+    and read(p, v).experiment.method != ITERATIVE  # nor are loops that are iterated; power_stage has an explicit one
 ]
 VALVE = """
 title = "Valves of which each has other parameters, and to which other things happen"

@@ -28,7 +28,7 @@ from gapsense.estimators.reduced_model import (
     rest,
     stay,
 )
-from gapsense.estimators.watch import EARLY, PULL, START, Limits, Seen, Watch, is_far, patient, stationary, watched
+from gapsense.estimators.watch import PULL, START, Limits, Seen, Watch, is_far, patient, stationary, watched
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import measured, output, part, ports
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
@@ -176,7 +176,6 @@ def _seen(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen
     """
     x, moves, moved = new.filtered.mean, is_moving(now.mode), is_moving(state.mode)
     stop = limit(now.mode)
-    is_early = moved & not_(moves) & (fabs(state.x[POSITION] - stop) > EARLY)
     pull = where(stop > 0.5, 1.0, -1.0) * x[FORCE_ERROR]
     spring = fabs(m.k_sp * (m.z_sp - stop))
     holds = not_(moves | moved) & (spring > 0.0) & (pull > PULL * spring)
@@ -189,7 +188,9 @@ def _seen(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen
         is_resting=not_(moves),
         is_pressed=moves & ((x[POSITION] <= 0.0) | (x[POSITION] >= 1.0)),
         leaves=where(moves & not_(moved), state.mode, 0.0),
-        is_other=is_early | holds,
+        lands=where(moved & not_(moves), now.mode, 0.0),
+        short=fabs(state.x[POSITION] - stop),
+        is_other=holds,
     )
 
 

@@ -269,7 +269,8 @@ def _landing(
         return cond(verdict.is_missed, missed, lambda: here(is_doubtful, verdict.told))
 
     def landed() -> Landing:
-        believed = kinks.credible(kink, filtered, limit(contact.mode), m, par.filter)
+        at = kept(kinks.supposed(kink, motion.count))
+        believed = kinks.credible(kink, at, filtered, limit(contact.mode), m, par.filter)
         count = kinks.supposed(believed, motion.count)
         is_kept = motion.count - count < contact.room.length
         return cond(is_kept, lambda: judged(believed, count), lambda: here(1.0, state.told))

@@ -38,7 +38,8 @@ from gapsense.kernels.trace import clip, cond, fabs, loop, not_, sqrt, square, w
 SIDE = 7  # samples on each side of a kink
 TAPS = 2 * SIDE + 1
 CLEAR = 4.0  # standard deviations of a kink that is none of noise
-SURE = 8.0  # the same of one where the spring drives the mover, and of one that would have shown
+SURE = 10.0  # the same where the spring drives the mover, and of one that would have shown
+HARD = 0.3  # least energy of the mover at an impact that the current tells, over what the spring takes along the stroke
 LEAST = 0.5  # share of the kink of a mover that stops dead
 SEEN = 0.7  # share that would be clear where none has been: then there was no bounce
 ROUGH = 2.0, 0.3  # what the readings may be off the two lines: in deviations of the noise, in kinks
@@ -152,10 +153,22 @@ def _is_two_lines(currents: Array, kink: Scalar, noise: Scalar) -> Scalar:
     return total(square(i) for i in off) - along <= TAPS * square(ROUGH[0] * noise + ROUGH[1] * kink)
 
 
-def credible(kink: Kink, end: ekf.State, stop: Scalar, m: Model, par: ekf.Parameters) -> Kink:
-    """The kink before a landing that ends in a state; where the spring drives the mover an unsure one is noise."""
-    is_noise = _is_sprung(end.x[FLUX_LINKAGE], stop, m) & (kink.size < SURE * SPREAD * _noise(end, par))
-    return kink._replace(size=where(is_noise, 0.0, kink.size))
+def credible(kink: Kink, at: Gaussian, end: ekf.State, stop: Scalar, m: Model, par: ekf.Parameters) -> Kink:
+    """The kink before a landing, where the estimate was `at`; `end` is the state at the contact.
+
+    An unsure one is none where the spring drives the mover. None is that of a mover with little energy: a voltage that
+    brakes it bends the current as much.
+    """
+    speed, spring = (at.mean[POSITION] - at.mean[POSITION_PREV]) / m.T_s, fabs(m.k_sp * (m.z_sp - stop))
+    is_soft = 0.5 * m.m * square(speed) < HARD * spring
+    is_unsure = kink.size < SURE * SPREAD * _noise(end, par)
+    is_none = is_soft | (is_unsure & _is_sprung(end.x[FLUX_LINKAGE], stop, m))
+    return kink._replace(size=where(is_none, 0.0, kink.size))
+
+
+def _dead(at: Gaussian, stop: Scalar, m: Model) -> Scalar:
+    """Kink of a mover that stops dead [A per sample]."""
+    return fabs(gap_law(stop, m)[1] * at.mean[FLUX_LINKAGE] * (at.mean[POSITION] - at.mean[POSITION_PREV]))
 
 
 def _noise(now: ekf.State, par: ekf.Parameters) -> Scalar:
@@ -233,11 +246,12 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ek
     mover has bounced where the current tells it, at the other stop; if it has not, the landing is mostly only doubtful.
     Without e_i or e_F the estimate has a bias.
     """
-    z, z_prev, lam = (at.mean[place] for place in (POSITION, POSITION_PREV, FLUX_LINKAGE))
-    dead, clear = fabs(gap_law(stop, m)[1] * lam * (z - z_prev)), SURE * SPREAD * par.noise_current
+    dead, clear = _dead(at, stop, m), SURE * SPREAD * par.noise_current
     is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
-    is_told = is_kinked & (fabs(z - stop) <= NEAR)
-    is_free = _is_sprung(lam, stop, m) & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
+    is_told = is_kinked & (fabs(at.mean[POSITION] - stop) <= NEAR)
+    is_free = (
+        _is_sprung(at.mean[FLUX_LINKAGE], stop, m) & (par.option_current_error > 0.0) & (par.option_force_error > 0.0)
+    )
     would_show = (kink.was_steady > 0.5) & (LEAST * dead >= clear)
     is_beyond = not_(would_show) & (kink.beyond >= where(is_free, told.free, BEYOND_PULLED))
     is_likely = (told.free <= BEYOND_BOUNCING) | (kink.beyond >= BEYOND_PULLED)

@@ -146,14 +146,16 @@ def _landing(
         motion = Motion(place=0.0, count=float(k - first), start=0.0, stop=1.0 - stop, contact=0.0)
         kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
     m = normalised(par)
-    found = kinks.credible(record(kinks.Kink, kink), record(ekf.State, states[end]), stop, m, par)
-    count = kinks.supposed(found, float(end - first))
+    seen, whole = record(kinks.Kink, kink), float(end - first)
+    kinked = _gaussian(states[first + int(kinks.supposed(seen, whole))])
+    found = kinks.credible(seen, kinked, record(ekf.State, states[end]), stop, m, par)
+    count = kinks.supposed(found, whole)
     verdict = kinks.judged(found, _gaussian(states[first + int(count)]), stop, told, m, par)
     if not verdict.is_missed:
         return end, states[end][: len(names(Estimate))], False, verdict.told
     if not verdict.is_told:
         before = _gaussian(states[first + int(found.arrival) - 1])
-        count = kinks.impacted(float(end - first), found.arrival, before, _gaussian(states[end]), stop, verdict.told, m)
+        count = kinks.impacted(whole, found.arrival, before, _gaussian(states[end]), stop, verdict.told, m)
     at = first + int(count)
     return at, tuple(flat(grounded(_gaussian(states[at]), stop))), bool(verdict.is_told), verdict.told
 

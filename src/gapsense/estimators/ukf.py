@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from gapsense.estimators import ekf, readings
-from gapsense.estimators.kalman import Gaussian, predict
+from gapsense.estimators.kalman import Gaussian, normalised, predict
 from gapsense.estimators.valve_model import (
     CURRENT_ERROR,
     FLUX_LINKAGE,
@@ -36,7 +36,7 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
-from gapsense.estimators.watch import Limits, Usual, compared, is_far, unknown
+from gapsense.estimators.watch import Limits, Now, Usual, compared, is_far, unknown
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import output, ports, same
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
@@ -126,6 +126,13 @@ NEAR = 0.05  # part of the stroke within which the position is at a stop
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 
 
+class Alone(NamedTuple):
+    """The model without the filter, which no current corrects: what `health` is judged by."""
+
+    x_alone: Annotated[Array, Vector(4)]  # (33)
+    hysteresis_alone: Scalar  # h of `core_losses` [A]
+
+
 class State(NamedTuple):
     """What is carried from sample to sample."""
 
@@ -134,6 +141,7 @@ class State(NamedTuple):
     voltage: Scalar  # last voltage that could be read [V]
     resistance: Scalar  # believed until the next sample [ohm]
     hysteresis: Scalar  # h of `core_losses` [A]
+    alone: Alone
     usual: Usual
 
 
@@ -192,7 +200,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     (voltage, _), is_whole = _read(inputs, 0.0, par)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis=0.0, usual=unknown())
+    state = State(estimate.mean, estimate.cov, voltage, R, 0.0, Alone(estimate.mean, 0.0), unknown())
     return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
 
@@ -210,9 +218,15 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         _corrected(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
-    leaves, limits = _leaves(state.x, estimate.mean, par), Limits(par.health_samples, par.health_limit, 0.0)
-    is_edge = readings.is_edge(voltage - state.voltage, EDGE, par.noise_voltage)
-    usual = compared(state.usual, innovation, S, has_current & is_sound, leaves, is_edge, limits)
+    alone, expected = _alone(state.alone, mean, m, par)
+    now = Now(
+        innovation=normalised(innovation, S),
+        error=(where(has_current, inputs.current, expected) - expected) / par.noise_current,
+        is_used=has_current & is_sound,
+        leaves=_leaves(state.alone.x_alone, alone.x_alone, par),
+        is_edge=readings.is_edge(voltage - state.voltage, EDGE, par.noise_voltage),
+    )
+    usual = compared(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0))
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, S, WILD),
@@ -224,8 +238,20 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     hysteresis = where(is_sound, hysteresis, 0.0)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(x=estimate.mean, P=estimate.cov, voltage=voltage, resistance=R, hysteresis=hysteresis, usual=usual)
+    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, alone, usual)
     return state, _outputs(estimate, innovation, S, health, par)
+
+
+def _alone(before: Alone, voltage: Scalar, m: Model, par: Parameters) -> tuple[Alone, Scalar]:
+    """The model alone a sample later, between the stops with any filter, and its current [A]."""
+    m = m._replace(low=par.stop_lower, high=par.stop_upper)
+    old, largest = before.x_alone, LARGEST_FLUX * par.core_saturation
+    held = Held(voltage, 0.0, before.hysteresis_alone)
+    x = transition(old, held, segment(old[POSITION], par), m)
+    held = after(held, old[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
+    x[FLUX_LINKAGE] = clip(x[FLUX_LINKAGE], -largest, largest)
+    x = vector([where(_is_finite(value), value, start) for value, start in zip(x, _start(par))])
+    return Alone(x, held.hysteresis), observation(x, held, segment(x[POSITION], par), m)[0]
 
 
 def _leaves(before: Array, x: Array, par: Parameters) -> Scalar:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import mean, normalised, surprise
-from gapsense.kernels.layout import Array, Count, Memory, Scalar, zeros
+from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, zeros
 from gapsense.kernels.trace import clip, cond, fabs, floor, load, loop, not_, sqrt, square, store, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
@@ -15,13 +15,15 @@ LONG = 6.0  # time over which a current error counts, in those over which an inn
 WANDERING = 20e-3  # memory that a current error without end is judged by: an operation and the rest after it [s]
 OPERATIONS = 3.0  # takeoffs until a sign is forgotten: between them lie a motion to either stop
 EARLY = 0.18  # share of the stroke that may be left when the contact closes
+EARLIER, LATER = 0.08, 0.15  # how much more than usual that may be; share of an operation with less in what is usual
 PULL = 0.5  # share of the spring's force with which a stop may seem to hold the mover back
 FEW, KNOWN = 10.0, 20.0  # operations after which what is usual is used, and after which it is known
-FIRST_WIDER, WIDER = 3.0, 1.2  # how far a mean may be beyond the usual range, in this: before it is known, and then
-SLACK = 0.4  # and so many deviations more
-PARTS, PER_MEAN = 24, 3.0  # of an operation, and how many of them are as long as `Limits.samples`
+FIRST_WIDER, WIDER = 1.5, 0.45  # how far a mean may be beyond the usual range, in this: before it is known, and then
+SLACK = 0.2  # and so many deviations more
+MOST = 1e3  # deviations as which a larger error of the model's current counts
+PARTS, PER_MEAN = 24, 4.0  # of an operation, and how many of them are as long as `Limits.samples`
 RESTING = PARTS // 2  # the part that begins at an edge of the voltage, before which the mover may rest for any time
-RISE, FALL = 0.2, 0.02  # share of an operation in what is usual, if it has more or less
+RISE, FALL = 0.5, 0.005  # share of an operation in what is usual, if it has more or less
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
 
 
@@ -38,6 +40,8 @@ class Watch(NamedTuple):
     current_error: Scalar
     bound: Scalar
     other: Scalar
+    short_lower: Scalar  # share of the stroke that is usually left where the contact closes at the lower stop, at most
+    short_upper: Scalar  # and at the upper one
 
 
 class Seen(NamedTuple):
@@ -51,7 +55,9 @@ class Seen(NamedTuple):
     is_resting: Scalar
     is_pressed: Scalar  # the position is at a bound where it need not be
     leaves: Scalar  # the stop that the mover leaves in this sample, as the mode says it; 0: none
-    is_other: Scalar  # contact or force are those of another device
+    lands: Scalar  # the stop on which the contact closes in this sample, as the mode says it; 0: none
+    short: Scalar  # share of the stroke that is left then
+    is_other: Scalar  # the force is that of another device
 
 
 class Limits(NamedTuple):
@@ -62,20 +68,23 @@ class Limits(NamedTuple):
     current_error: Scalar  # root mean square of the current error at rest, in stationary deviations
 
 
-START = Watch(1.0, *[0.0] * 9)
+START = Watch(*[1.0, *[0.0] * 9, *[EARLY - EARLIER] * 2])
 
 
 class Usual(NamedTuple):
-    """How large the mean innovation usually is at each time of an operation: a wrong model has its own in each one.
+    """How wrong the model's current usually is at each time of an operation: a wrong model has its own error in each.
 
-    An operation lasts until the mover leaves the other stop, and consists of `PARTS`: half of them from its takeoff on,
-    the others from each edge of the voltage on; the last of either half does not end by itself.  Memory has the largest
-    mean of each part, then the largest of minus the mean, both plus `FAR`; 0: none yet.
+    It is that of the model alone: a filter follows a fault with its flux linkage and hides it.  An operation lasts
+    until the mover of that model leaves the other stop, and consists of `PARTS`: half of them from its takeoff on, the
+    others from each edge of the voltage on; the last of either half is repeated.  The mean is compared where a part
+    ends, or at an edge: within one it may change fast.  Memory has the largest mean of each part, then the largest of
+    minus the mean, both plus `MOST`; 0: none yet.
     """
 
     surprise: Scalar  # mean of the squared normalised innovation [1]
-    bias: Scalar  # mean of the normalised innovation over half as many samples [1]
-    samples: Annotated[Scalar, Count]  # of this operation, as its parts count them
+    bias: Scalar  # mean of the error of the model's current over half as many samples [deviations of the noise]
+    samples: Annotated[Scalar, Count]  # since the takeoff, or since an edge of the voltage after it
+    has_edge: Annotated[Scalar, Whole(0, 1)]  # flag: there was one
     operations: Annotated[Scalar, Count]  # from which it is known what is usual
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
     innovation: Scalar  # takeoffs until this sign is forgotten, as the following
@@ -84,10 +93,22 @@ class Usual(NamedTuple):
     usual: Annotated[Array, Memory(4 * PARTS)]  # from the lower stop on, then from the upper one on
 
 
+class Now(NamedTuple):
+    """A sample that is compared with what is usual."""
+
+    innovation: Scalar  # of the filter, normalised [1]
+    error: Scalar  # measured current minus that of the model alone [deviations of the noise]
+    is_used: Scalar
+    leaves: Scalar  # the stop that the mover of the model alone leaves in this sample, as a mode; 0: none
+    is_edge: Scalar  # of the voltage
+
+
 def unknown() -> Usual:
     """No operation so far."""
     seen, usual = zeros(2 * PARTS), zeros(4 * PARTS)
-    return Usual(1.0, 0.0, samples=0.0, operations=0.0, left=0.0, innovation=0.0, other=0.0, seen=seen, usual=usual)
+    return Usual(
+        1.0, 0.0, samples=0.0, has_edge=0.0, operations=0.0, left=0.0, innovation=0.0, other=0.0, seen=seen, usual=usual
+    )
 
 
 def is_far(innovation: Scalar, std: Scalar, most: Scalar) -> Scalar:
@@ -128,6 +149,12 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
     pressed = mean(before.pressed, where(seen.is_pressed, 1.0, 0.0), limits.samples)
     is_over = is_takeoff(before.left, seen.leaves)
     is_surprised = (surprised >= limits.innovation) | (fabs(biased) >= ONE_SIDED)
+    arrives, is_upper = (seen.lands > 0.0) & not_(seen.lands == before.left), seen.lands > 2.0
+    usual = where(is_upper, before.short_upper, before.short_lower)
+    bearable = where(arrives & (usual < EARLY - EARLIER), usual + EARLIER, EARLY)
+    is_early = (seen.lands > 0.0) & (seen.short > bearable)
+    learnt = where(seen.short > usual, seen.short, usual + LATER * (seen.short - usual))
+    learns = arrives & not_(is_early)
     return Watch(
         surprise=surprised,
         bias=biased,
@@ -138,31 +165,32 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
         innovation=lasting(before.innovation, is_surprised, is_over),
         current_error=lasting(before.current_error, strained >= square(limits.current_error), is_over),
         bound=lasting(before.bound, pressed >= OFTEN, is_over),
-        other=lasting(before.other, seen.is_other, is_over),
+        other=lasting(before.other, seen.is_other | is_early, is_over),
+        short_lower=where(learns & not_(is_upper), learnt, before.short_lower),
+        short_upper=where(learns & is_upper, learnt, before.short_upper),
     )
 
 
-def compared(
-    before: Usual, innovation: Scalar, std: Scalar, is_used: Scalar, leaves: Scalar, is_edge: Scalar, limits: Limits
-) -> Usual:
+def compared(before: Usual, now: Now, limits: Limits) -> Usual:
     """One sample more.  What is usual is learnt from operations without a sign."""
-    normal = normalised(near(innovation, std), std)
-    surprised = where(is_used, mean(before.surprise, square(normal), limits.samples), before.surprise)
-    biased = where(is_used, mean(before.bias, normal, 0.5 * limits.samples), before.bias)
-    is_over = is_takeoff(before.left, leaves)
-    part = clip(floor(before.samples * PER_MEAN / limits.samples), 0.0, PARTS - 1.0)
-    first = where(before.left > 2.0, 2.0 * PARTS, 0.0)
-    above, below = (load(before.usual, first + part, k * PARTS) for k in (0, 1))
-    width = above + below - 2.0 * FAR
+    is_over = is_takeoff(before.left, now.leaves)
+    surprised = mean(before.surprise, square(clip(now.innovation, -FAR, FAR)), limits.samples)
+    biased = mean(before.bias, clip(now.error, -MOST, MOST), 0.5 * limits.samples)
+    surprised, biased = where(now.is_used, surprised, before.surprise), where(now.is_used, biased, before.bias)
+    part, later = (floor((before.samples + k) * PER_MEAN / limits.samples) for k in (0.0, 1.0))
+    ends = (later > part) | now.is_edge
+    half, first = before.has_edge * RESTING, where(before.left > 2.0, 2.0 * PARTS, 0.0)
+    part = half + clip(part, 0.0, RESTING - 1.0)
+    above, below = (_most(before.usual, first, part, half, k * PARTS) for k in (0, 1))
+    width = above + below - 2.0 * MOST
     more = where(before.operations < KNOWN, FIRST_WIDER, WIDER) * width + SLACK
-    is_beyond = (FAR + biased > above + more) | (FAR - biased > below + more)
-    is_other = (before.operations >= FEW) & (before.left > 0.0) & (width >= 0.0) & is_beyond
+    is_beyond = ends & ((MOST + biased > above + more) | (MOST - biased > below + more))
+    is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(before.usual, first + part) > 0.0)
     seen = before.seen
-    for k, value in enumerate((FAR + biased, FAR - biased)):
-        seen = store(seen, part, larger(load(seen, part, k * PARTS), value), k * PARTS)
+    for k, value in enumerate((MOST + biased, MOST - biased)):
+        old = load(seen, part, k * PARTS)
+        seen = store(seen, part, where(ends & (value > old), value, old), k * PARTS)
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
-    rests = -floor(-RESTING * limits.samples / PER_MEAN)  # samples with which that part begins
-    samples = where(is_edge, rests, before.samples + where(before.samples == rests - 1.0, 0.0, 1.0))
     seen, usual = cond(
         is_over,
         lambda: _begun(seen, before.usual, first, is_learnt, before.operations >= KNOWN),
@@ -171,14 +199,21 @@ def compared(
     return Usual(
         surprise=surprised,
         bias=biased,
-        samples=where(is_over, 0.0, samples),
+        samples=where(is_over | now.is_edge, 0.0, before.samples + 1.0),
+        has_edge=where(is_over, 0.0, where(now.is_edge, 1.0, before.has_edge)),
         operations=before.operations + where(is_over & is_learnt, 1.0, 0.0),
-        left=where(is_over, leaves, before.left),
+        left=where(is_over, now.leaves, before.left),
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),
-        other=lasting(before.other, is_other, is_over),
+        other=lasting(before.other, is_known & is_beyond, is_over),
         seen=seen,
         usual=usual,
     )
+
+
+def _most(usual: Array, first: Scalar, part: Scalar, half: Scalar, k: int) -> Scalar:
+    """The most of a part and of those beside it in the same half: with another supply the mover comes sooner."""
+    before, after = (load(usual, first + clip(part + e, half, half + (RESTING - 1.0)), k) for e in (-1.0, 1.0))
+    return larger(larger(before, after), load(usual, first + part, k))
 
 
 def _begun(seen: Array, usual: Array, first: Scalar, is_learnt: Scalar, is_known: Scalar) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from gapsense.identification.measurements import signals
 from gapsense.identification.measurements.operations import trapezoid
 from gapsense.identification.measurements.record import Vector
 from gapsense.identification.measurements.signals import SIGMAS, noise, true_runs
+from gapsense.identification.measurements.switching import is_switched
 
 Matrix = npt.NDArray[np.float64]
 ON = 0.25  # of the largest voltage: what is more is on, also pulses of less height
@@ -158,6 +159,12 @@ def falls(s: Signals, later: float = 0.0) -> Matrix:
     return np.where(on, 0.0, part.reshape(-1, 2))
 
 
+def switched(s: Signals, value: float) -> Signals:
+    """PWM has another mean than its samples, by so many volts."""
+    pulses = is_switched(s.halves.reshape(-1), s.current.repeat(2))
+    return s._replace(halves=s.halves - value * pulses.reshape(-1, 2))
+
+
 def _current_of_halves(current: Vector) -> Matrix:
     before = np.concatenate((current[:1], current[:-1]))
     return np.stack((0.75 * before + 0.25 * current, 0.25 * before + 0.75 * current), axis=1)
@@ -186,6 +193,7 @@ CAUSES: Mapping[str, Cause] = {
     "series": Cause("Ohm", _ohms, series, "a resistance in series while the voltage is on, of", is_positive=True),
     "drop": Cause("V", _volts, drop, "a drop while the current falls, of", is_positive=True),
     "eddy": Cause("S", lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", is_positive=True),
+    "switched": Cause("V", _volts, switched, "a mean of the PWM that its samples do not tell, off by"),
     "drift": Cause("1", _one, drift, "a coil that gets warm: its resistance grows during an operation, relatively, by"),
 }
 HIDDEN = {  # what no residual need show: other values of the parameters explain much the same; relative, but for volts

@@ -16,11 +16,10 @@ from gapsense.identification.assumptions import ask
 from gapsense.identification.coil.fit import Coil, fit_coil, validate_coil
 from gapsense.identification.coil.show import coil_errors, coil_tables, write_coil
 from gapsense.identification.gap_law.laws import Law
-from gapsense.identification.measurements.low_pass import find_low_pass
 from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
 from gapsense.identification.measurements.record import Reading, Record, between, part
-from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN
+from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN, SHARP
 from gapsense.identification.parameter_set import parameters_of
 from gapsense.identification.residual import noises
 from gapsense.identification.scale import scaled
@@ -82,7 +81,6 @@ def split_names(texts: Sequence[str]) -> list[str]:
 TABLE_I = "[SEMERA] Table I"
 HOLD = " (in place of `gap.slope` also `coil.turns`, with `--hold coil.turns`)"
 TITLE = "Measured and identified"
-SHARP = tuple(name for name in CONVENTIONS if name != "filtered")
 LAW = Law("sought", 0.0, ())
 
 
@@ -148,9 +146,7 @@ def read(
         sought=seeking,
         records=[record._replace(drive=drive.values) for record in records],
         kept=read_records(validate, how, needs="rest"),
-        conventions=CONVENTIONS
-        if is_open and any(find_low_pass(record.voltage) for record in records)
-        else SHARP * is_open,
+        conventions=CONVENTIONS * is_open,
         convention=how.convention,
         sources=data,
         file=parameters,

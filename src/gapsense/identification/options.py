@@ -8,7 +8,8 @@ from pathlib import Path
 from textwrap import fill, indent
 from typing import Any, NamedTuple, TypeVar
 
-CONVENTIONS = ("trapezoid", "end", "start", "filtered")  # what a recorded voltage was between two samples
+CONVENTIONS = ("trapezoid", "end", "start", "filtered", "slow")  # what a recorded voltage was between two samples
+SHARP = CONVENTIONS[:3]  # edges take no time; those of the others tell how long they take
 FORMS = ("eddy", "hysteresis", "fringing")  # what the plain model may have added
 PLAIN = "plain"  # nothing of it
 AUTO = "auto"  # what explains the records best

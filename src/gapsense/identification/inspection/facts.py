@@ -10,7 +10,6 @@ import numpy as np
 from gapsense.identification.measurements.checks import begins_at_rest, clipping, operation_problems, rest_problems
 from gapsense.identification.measurements.operations import (
     Operation,
-    Places,
     activities,
     at_rest,
     coil,
@@ -21,9 +20,8 @@ from gapsense.identification.measurements.operations import (
 from gapsense.identification.measurements.prepare import FEWEST_AT_REST, offset
 from gapsense.identification.measurements.record import Columns, Offset, Record, Vector
 from gapsense.identification.measurements.signals import edges, hidden, noise, resolution
+from gapsense.identification.measurements.switching import Carrier, carrier
 
-SWITCHED = 0.1  # rise at a switched edge, in the range of the voltage
-OFTEN = 5  # times that the voltage rises in an operation that is switched
 OFF = 0.05  # of the largest voltage: no more is on
 FLOWS = 0.1  # of the largest current
 CLEAR = 0.8  # part of the variance that a sagging supply explains
@@ -31,14 +29,6 @@ SAG = 0.01  # of the voltage: less is none
 FEW = 4  # values of a command
 EDGES = 200  # of a record that are looked at
 STEEP = 0.05  # of the range: a change of the voltage from one sample to the next that belongs to an edge
-
-
-class Carrier(NamedTuple):
-    """PWM, or a chopped current."""
-
-    samples: float  # from one rise of the voltage to the next
-    spread: float  # deviation of that
-    duty: float  # mean part of a period in which the voltage is on
 
 
 class Path(NamedTuple):
@@ -62,27 +52,6 @@ def path(record: Record, found: Sequence[Operation]) -> Path:
         edge=edge(record.voltage),
         is_command=noise(record.voltage) == 0.0 and np.unique(record.voltage[:100000]).size <= FEW,
     )
-
-
-def rises(v: Vector, least: float) -> Places:
-    """Samples before which the voltage rises by more than that at once."""
-    places = np.flatnonzero(np.diff(v) > least)
-    return np.asarray(places[np.diff(places, prepend=-2) > 1] + 1)
-
-
-def carrier(record: Record, found: Sequence[Operation]) -> Carrier | None:
-    """How often the voltage is switched within an operation, if it is."""
-    least = max(SWITCHED * float(np.ptp(record.voltage)), 6.0 * noise(record.voltage))
-    for operation in found[:EDGES]:
-        v = record.voltage[operation.inside]
-        places = rises(v, least)
-        if places.size >= OFTEN:
-            steps = np.diff(places)
-            usual = steps[steps < 3.0 * np.median(steps)]
-            middle = 0.5 * float(np.median(v[places]) + np.median(v[places - 1]))
-            on = v[places[0] : places[-1]] > middle
-            return Carrier(float(usual.mean()), float(usual.std()), float(on.mean()))
-    return None
 
 
 def source(record: Record, operation: Operation) -> float | None:

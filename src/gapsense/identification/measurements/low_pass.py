@@ -7,7 +7,7 @@ current of the device becomes in the filter without its mean delay.  Times are i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,13 +83,19 @@ class Filtered(NamedTuple):
         """That of the voltage of opposite sign."""
         return self._replace(edges=[Edge(at, -size) for at, size in self.edges])
 
-    def told(self, dt: float) -> str:
-        """Sentence on it, for a sampling period [s]."""
+    def told(self, dt: float, is_filtered: bool = True) -> str:
+        """Sentence on it, for a sampling period [s], of both channels or of the driver alone."""
         (a, b), is_first = self.low_pass, self.low_pass.b < FIRST * self.low_pass.a**2
+        if not is_filtered:
+            return (
+                f"The driver is slow: its edges come {quantity(a * dt, 's')} later on the average. The current follows"
+                " them, and is not filtered."
+            )
         corner = 1.0 / (2.0 * np.pi * dt * (a if is_first else np.sqrt(b)))
         return (
             f"Both channels come through a low-pass of {'first' if is_first else 'second'} order with a corner of about"
             f" {quantity(corner, 'Hz')}: edges are taken as sharp, and the current of the model is filtered alike."
+            " If it is the output of the driver that is slow so, give `--voltage slow`."
         )
 
     def halves(self, v: Vector) -> Vector:
@@ -180,12 +186,6 @@ def ramp_at(x: Vector) -> LowPass:
 
 def find_low_pass(v: Vector) -> Filtered | None:
     """The filter through which the edges of a voltage come, or their slope; None if they are sharp."""
-    return _find(v.tobytes())
-
-
-@lru_cache(8)
-def _find(samples: bytes) -> Filtered | None:
-    v = np.frombuffer(samples)
     every, sigma = pieces(v), max(noise(v), hidden(v), EXACT * float(np.ptp(v)))
     told, rest = tell(every, v)
     sharp = np.concatenate([piece.sharp for piece in told]) / sigma if len(told) >= FEWEST else np.zeros(0)

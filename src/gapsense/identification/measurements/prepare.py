@@ -88,8 +88,8 @@ def turn_upright(record: Record) -> Record:
     if -i.min() < ONE_WAY * max(float(i.max()), 0.0) or i.min() >= 0.0 or float(record.voltage @ i) <= 0.0:
         return record
     said = "voltage and current are negative; the signs of both are changed."
-    filtered = record.filtered and record.filtered.reversed
-    turned = record._replace(voltage=-record.voltage, current=-i, halves=-record.halves, filtered=filtered)
+    slow = record.slow and record.slow.reversed
+    turned = record._replace(voltage=-record.voltage, current=-i, halves=-record.halves, slow=slow)
     return turned._replace(remarks=(*record.remarks, said))
 
 
@@ -153,7 +153,8 @@ def average_blocks(record: Record, size: int) -> Record:
         mode=None if record.mode is None else record.mode[middles],
         rows=record.rows[middles],
         is_mean=True,
-        filtered=None,
+        slow=None,
+        is_filtered=False,
     )
 
 

@@ -6,7 +6,7 @@ fall lies where the current has ended, and the current tells it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.identification.measurements.low_pass import Filtered, Ramp, find_low_pass
+from gapsense.identification.options import SHARP
 
 Vector = npt.NDArray[np.float64]
 
@@ -29,8 +30,8 @@ def halves(v: Vector, i: Vector, convention: str) -> Vector:
 
     Of a convention, `trapezoid` takes up to the middle the voltage of the first sample, then that of the second (an
     edge lies half-way on the average); `end` or `start`, that of the sample at the end or the start (held by the
-    drive); `filtered` is `trapezoid`, but for edges that come through a filter, see `between`.  Where `end` are means
-    over intervals, they tell where in an interval a jump is.
+    drive); `filtered` and `slow` are `trapezoid`, but for edges that take their time, see `between`.  Where `end` are
+    means over intervals, they tell where in an interval a jump is.
     """
     before = np.concatenate((v[:1], v[:-1]))
     found = np.stack((v if convention == "end" else before, before if convention == "start" else v), axis=1)
@@ -47,13 +48,24 @@ def jump(before: float, after: float, part: float) -> Vector:
 def sharpened(found: Vector, means: Vector) -> Vector:
     """Halves (n, 2), with a jump in the intervals whose mean voltage lies between the levels before and after them."""
     v, made = np.pad(means, 2, mode="edge"), np.array(found)
-    levels, size = (v[1:-3], v[3:-1]), v[3:-1] - v[1:-3]
-    part = (levels[1] - means) / np.where(size, size, 1.0)
-    on = np.maximum(np.sign(size) * (levels[0] - v[:-4]), np.sign(size) * (v[4:] - levels[1]))  # a slow edge goes on
-    is_one = (on < FLAT * np.abs(size)) & (np.abs(size) > JUMP * np.ptp(means)) & (part > 0.0) & (part < 1.0)
-    for k in np.flatnonzero(is_one).tolist():
-        made[k] = jump(levels[0][k], levels[1][k], part[k])
+    before, after = v[1:-3], v[3:-1]
+    part, is_one = place_jumps((v[:-4], before), means, (after, v[4:]))
+    for k in np.flatnonzero(is_one & (np.abs(after - before) > JUMP * np.ptp(means))).tolist():
+        made[k] = jump(before[k], after[k], part[k])
     return made
+
+
+def place_jumps(
+    before: Sequence[Vector], means: Vector, after: Sequence[Vector]
+) -> tuple[Vector, npt.NDArray[np.bool_]]:
+    """Parts of intervals after which the voltage jumps between the levels around them, and whether it does.
+
+    There are two levels `before` each interval and two `after` it: a slow edge goes on in them.
+    """
+    size = after[0] - before[1]
+    on = np.maximum(np.sign(size) * (before[1] - before[0]), np.sign(size) * (after[1] - after[0]))
+    part = (after[0] - means) / np.where(size, size, 1.0)
+    return part, (on < FLAT * np.abs(size)) & (part > 0.0) & (part < 1.0)
 
 
 def ends(v: Vector, i: Vector) -> Iterator[tuple[int, float]]:
@@ -121,13 +133,19 @@ class Record(NamedTuple):
     position_noise: float | None = None  # [m], where the position is to be fitted
     temperature: float | None = None  # mean [degC], where it was recorded
     drive: Mapping[str, float] = {}  # what else than the samples tell is to be taken out of them, see `causes`
-    filtered: Filtered | None = None  # a low-pass of both channels, by which the voltage is read
+    slow: Filtered | None = None  # what edges of the voltage that take their time tell, once they were looked at
+    is_filtered: bool = False  # whether it is a low-pass of both channels, by which the voltage is read
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
     @property
     def signals(self) -> dict[str, Vector]:
         """Voltage and current by name."""
         return {"voltage": self.voltage, "current": self.current}
+
+    @property
+    def filtered(self) -> Filtered | None:
+        """The low-pass of both channels, by which the voltage is read."""
+        return self.slow if self.is_filtered else None
 
     @property
     def applied(self) -> Vector:
@@ -159,13 +177,37 @@ def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
 
 
 def between(record: Record, convention: str) -> Record:
-    """The record with another voltage between its samples; a low-pass that it has is not sought again."""
+    """The record with another voltage between its samples; edges that it has are not looked at again.
+
+    Slow edges are `filtered` by a low-pass of both channels, or those of a `slow` driver, which the current follows.
+    """
     if record.is_mean:
         return record
-    v, is_filtered = record.voltage, convention == "filtered"
-    found = (record.filtered or find_low_pass(v)) if is_filtered else None
-    filter_ = None if found and isinstance(found.low_pass, Ramp) else found
-    return record._replace(halves=found.halves(v) if found else halves(v, record.current, convention), filtered=filter_)
+    seen = record if convention in SHARP else look_at_edges(record)
+    slow = None if convention in SHARP else seen.slow
+    return seen._replace(
+        halves=slow.halves(record.voltage) if slow else halves(record.voltage, record.current, convention),
+        is_filtered=convention == "filtered" and can_be("filtered", slow),
+    )
+
+
+def look_at_edges(record: Record) -> Record:
+    """The record with what slow edges of its voltage tell."""
+    return record if record.slow else record._replace(slow=find_low_pass(record.voltage))
+
+
+def read_each(records: Sequence[Record], conventions: Sequence[str]) -> dict[str, list[Record]]:
+    """The records by each convention that the edges of the first one allow, or by all."""
+    seen = [look_at_edges(record) for record in records] if conventions else []
+    names = [name for name in conventions if can_be(name, seen[0].slow)] or conventions
+    return {name: [between(record, name) for record in seen] for name in names}
+
+
+def can_be(convention: str, slow: Filtered | None) -> bool:
+    """Whether a voltage is read so by its edges: a steady slope is that of a driver, any other that of a filter."""
+    if slow is None:
+        return convention in SHARP
+    return convention == ("slow" if isinstance(slow.low_pass, Ramp) else "filtered")
 
 
 def part(record: Record, at: slice) -> Record:

@@ -415,7 +415,9 @@ def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[
         "tail": abs(prepared.drive.get("drop", 0.0)) / sum(len(flux.operations) for flux in prepared.fluxes) ** 0.5
     }
     drift = {"drift": rms(x) if (x := np.concatenate(changes)).size else 0.0}
-    return Doubts(misfits, errors | drift | drops | {**accuracy})
+    carriers = prepared.carriers
+    means = {"switched": max(c.doubt for c in carriers), "delay": max(c.late for c in carriers)} if carriers else {}
+    return Doubts(misfits, errors | drift | drops | means | {**accuracy})
 
 
 def _beyond_noise(

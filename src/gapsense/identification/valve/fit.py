@@ -18,6 +18,7 @@ from gapsense.identification.assumptions import scale
 from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.operations import Flux
 from gapsense.identification.measurements.record import Record, Vector
+from gapsense.identification.measurements.switching import Carrier
 from gapsense.identification.residual import Residual, residual
 from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_timing, correction, last_taken, settle
 from gapsense.identification.valve.errors import Ended, Uncertainty, add_doubts, doubts, uncertainty
@@ -104,11 +105,10 @@ def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: D
     ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
     fit.course.begins("readings")
     if method.conventions:
-        readings = [prepare_all(prepared.raw, prepared.period, name) for name in method.conventions]
-        readings = [reading for reading in readings if reading.records[0].filtered] or readings  # edges tell that one
+        readings = prepared.readings(method.conventions)
         best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
         prepared = readings[best]
-    if prepared.records[0].filtered and not drive.is_timed:  # whose mean delay is not known to the last microsecond
+    if prepared.slow and not drive.is_timed:  # edges whose mean delay is not known to the last microsecond
         drive = drive._replace(fitted=(*drive.fitted, "delay"))
     fit.course.begins("forms")
     if not found:
@@ -140,7 +140,8 @@ class Identified(NamedTuple):
     trials: list[Trial]  # forms that were tried
     drive: Mapping[str, float] = {}  # values of the causes that were taken out of the records, see `causes`
     places: Mapping[str, float] = {}  # of edges that lie differently between two samples, likewise [samples]
-    low_pass: str = ""  # sentence on that of both channels, if it was found
+    slow: str = ""  # sentence on edges that take their time, if it was read so
+    carriers: Sequence[Carrier] = ()  # PWM whose edges have no places
     held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
     assumed: Mapping[str, float] = {}  # fields that were neither given nor found, and the doubt about their values
 
@@ -293,10 +294,10 @@ def _evidence(before: Found, after: Found) -> float:
 
 
 def _forms(known: Device, form: Form, sought: Sought) -> list[Form]:
-    """The plain form, that with eddy currents, and another one that was taken."""
-    first = plain(known, sought)
-    made = [first, *larger(first, sought._replace(forms=("eddy",)))]
-    return made if any(form.added == one.added for one in made) else [*made, form]
+    """The plain form and another one that was taken, each without eddy currents and with them."""
+    first, eddy = plain(known, sought), sought._replace(forms=("eddy",))
+    made = [first, *larger(first, eddy)]
+    return made if any(form.added == one.added for one in made) else [*made, form, *larger(form, eddy)]
 
 
 def _left(at: Found) -> Vector:
@@ -359,5 +360,6 @@ def _conclude(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, 
         trials=beginning.trials,
         drive=prepared.drive,
         places=prepared.places,
-        low_pass=next((r.filtered.told(r.dt) for r in prepared.records if r.filtered), ""),
+        slow=prepared.slow,
+        carriers=prepared.carriers,
     )

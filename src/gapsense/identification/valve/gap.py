@@ -22,7 +22,7 @@ from gapsense.identification.gap_law.show import fields
 from gapsense.identification.gap_law.table import read_inductances, remarks
 from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.operations import estimate, operations
-from gapsense.identification.measurements.record import Record, between
+from gapsense.identification.measurements.record import Record, read_each
 from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.identification.parameter_set import write_table
 from gapsense.identification.residual import EXPLAINED
@@ -130,7 +130,8 @@ def of_positions(
 
     If they only confirm the form of the law that is known, it stays, and the turns are sought.
     """
-    readings = [[between(record, name) for record in records] for name in conventions] or [[*records]]
+    every = read_each(records, conventions) or {"": [*records]}
+    names, readings = [*every], [*every.values()]
     is_known = TURNS not in sought.held and (sought.given is None or not sought.given.isdisjoint(LAWS[par.gap_law]))
     laws = [_laws(par, reading, is_known, period) for reading in readings]
     left = [min(square(trial.left) for trial in trials) for trials in laws]
@@ -142,18 +143,18 @@ def of_positions(
             parameters=_confirm(par, best),
             sought=sought,
             records=records,
-            conventions=conventions[k : k + 1],
+            conventions=tuple(name for name in names[k : k + 1] if name),
             told=[*told, CONFIRMED],
         )
     known = par._replace(core_reluctance=best.core_reluctance, core_saturation=best.core_saturation)
-    known, names = _guess_law(known, best.law)
+    known, gap = _guess_law(known, best.law)
     law = best.law if best.law.knots else None
-    sought = sought._replace(held=(*sought.held, TURNS), gap=names, law=law)
+    sought = sought._replace(held=(*sought.held, TURNS), gap=gap, law=law)
     return Gap(
         parameters=known,
         sought=sought,
         records=records,
-        conventions=conventions[k : k + 1],
+        conventions=tuple(name for name in names[k : k + 1] if name),
         told=[*told, HELD.format(float(par.coil_turns))],
     )
 

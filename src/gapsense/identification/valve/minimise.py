@@ -13,6 +13,7 @@ autocorrelation of what is left afterwards tells.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,7 @@ class Course:
 
 SPREAD = 1.5  # random starts lie within this factor of the first one
 LONGEST = 50  # steps per start
+EXACT, NEAR = 1e-8, 1e-4  # part of the cost: less ends a search, or that of a start among others
 
 
 class Start(NamedTuple):
@@ -103,9 +105,9 @@ class Fit:
         """J of (24)."""
         return cost(Weighted(self.form, experiments, self.count).residuals([ratios])[0])
 
-    def least_squares(self, ratios: Vector, experiments: Sequence[Experiment]) -> Vector:
-        """The minimum next to a point."""
-        return minimise(Weighted(self.form, experiments, self.count), ratios, LONGEST).point
+    def least_squares(self, ratios: Vector, experiments: Sequence[Experiment], enough: float = EXACT) -> Vector:
+        """The minimum next to a point, or the way there until a step lowers the cost by that part only."""
+        return minimise(Weighted(self.form, experiments, self.count), ratios, LONGEST, enough).point
 
     def balanced(self, ratios: Vector, experiments: list[Experiment]) -> list[Experiment]:
         """The experiments with resistances for which model and measurement have the same charge."""
@@ -166,8 +168,9 @@ def try_larger(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> 
     experiments, other = [first.of(form) for first in firsts], Fit(form)
     start = carry_over(before.form, before.ratios, form)
     starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
-    ends = [other.least_squares(start, experiments) for start in starts]
-    found = min((try_form(other, ratios, firsts) for ratios in ends), key=lambda t: t.cost)
+    ends = [other.least_squares(start, experiments, NEAR) for start in starts]
+    best = min(ends, key=partial(other.cost, experiments=experiments))
+    found = try_form(other, other.least_squares(best, experiments), firsts)
     fit.count(other.samples)
     left, now = (relative(t.errors, firsts) for t in (before, found))
     more = len({*form.fitted} - {*before.form.fitted})

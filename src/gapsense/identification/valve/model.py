@@ -14,8 +14,9 @@ from gapsense.identification.causes import BESIDE, PLACE, Signals, apply_causes,
 from gapsense.identification.least_squares import Matrix, finite
 from gapsense.identification.measurements.low_pass import Filtered, weights
 from gapsense.identification.measurements.operations import Flux, Operation, coil, estimate, operations, trapezoid
-from gapsense.identification.measurements.record import Record, Vector, between
+from gapsense.identification.measurements.record import Record, Vector, between, place_jumps, read_each
 from gapsense.identification.measurements.signals import hidden, noise
+from gapsense.identification.measurements.switching import Carrier, carrier, rises
 from gapsense.identification.valve import lossy_valve
 from gapsense.identification.valve.form import FACTOR, Device, Form, kernel_of, output_getter
 from gapsense.kernels.kernel import Kernel
@@ -144,44 +145,58 @@ def simulate(
     if filtered:
         model = simulate(par, _single(halves), 0.5 * dt, resistance.repeat(2))
         return Trajectory(behind(filtered, model.current), model.flux_linkage[1::2], model.position[1::2])
-    kernel, voltages, resistances = kernel_of(par), halves.mean(axis=1).tolist(), resistance.tolist()
+    kernel, resistances = kernel_of(par), resistance.tolist()
     step, look = kernel.scalar["step"], output_getter(kernel)
-    is_jump, split = jumps(halves), split_jumps(halves)
+    course = follow(halves)
     constants = flat(par)[1:]  # the resistance is the first
     state, outputs = kernel.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
-    rows = [look(outputs)]
+    rows, voltages = [look(outputs)], course.mean.tolist()
     for k in range(1, len(voltages)):
         constant = (resistances[k], *constants)
-        if is_jump[k]:
-            for part, v in zip(split.parts[k].tolist(), split.voltages[k].tolist()):
+        if course.is_jump[k]:
+            for part, v in zip(course.parts[k].tolist(), course.voltages[k].tolist()):
                 state, outputs = step(state, (k * dt, part * dt, v), constant)
         else:
             state, outputs = step(state, (k * dt, dt, voltages[k]), constant)
         rows.append(look(outputs))
     found = Trajectory(*np.array(rows).T)
-    return found._replace(current=found.current + at_edges([par], halves, resistance)[0])
+    return found._replace(current=found.current + at_edges([par], course, resistance)[0])
 
 
-class Split(NamedTuple):
-    """Two steps for each interval."""
+class Course(NamedTuple):
+    """Of the voltage, as a model steps through it."""
 
-    parts: Vector  # of the interval (n, 2)
+    is_jump: npt.NDArray[np.bool_]  # whether it jumps within each interval, which takes two steps then (n,)
+    mean: Vector  # of each interval (n,) [V]
+    parts: Vector  # two steps for each interval (n, 2)
     voltages: Vector  # during them (n, 2) [V]
+    late: Vector  # by which it is higher just after each sample at an edge (n,) [V]
 
 
-def split_jumps(halves: Vector) -> Split:
-    """Each interval split at its middle, or where a jump from the level before it to that after it must be."""
-    before, after = np.append(halves[0, 0], halves[:-1, 1]), np.append(halves[1:, 0], halves[-1, 1])
-    size, mean = after - before, halves.mean(axis=1)
-    is_one = np.minimum(np.abs(halves[:, 0] - before), np.abs(halves[:, 1] - after)) < JUMP * np.abs(size)
-    part = np.where(is_one, (after - mean) / np.where(size, size, 1.0), 0.5)
-    is_one &= (part > 0.0) & (part < 1.0)
+def follow(halves: Vector) -> Course:
+    """The course of a voltage.
+
+    Each interval is split at its middle, or where a jump from the level before it to that after it must be.
+    """
+    v, mean = np.pad(halves.reshape(-1), 2, mode="edge"), halves.mean(axis=1)
+    before, after = v[1:-3:2], v[4::2]
+    within, most = np.abs(halves[:, 1] - halves[:, 0]), np.ptp(halves)
+    part, is_one = place_jumps((v[:-4:2], before), mean, (after, v[5::2]))
+    is_one &= np.minimum(np.abs(halves[:, 0] - before), np.abs(halves[:, 1] - after)) < JUMP * np.abs(after - before)
     part = np.where(is_one, np.clip(part, SHORTEST, 1.0 - SHORTEST), 0.5)
     first = np.where(is_one, before, halves[:, 0])
-    return Split(np.stack((part, 1.0 - part), axis=1), np.stack((first, (mean - part * first) / (1.0 - part)), axis=1))
+    second, is_jump = (mean - part * first) / (1.0 - part), within > STEEP * most
+    at = np.where(is_one, after, 0.5 * (halves[:, 1] + after))  # the samples: a slow edge goes on there
+    return Course(
+        is_jump=is_jump,
+        mean=mean,
+        parts=np.stack((part, 1.0 - part), axis=1),
+        voltages=np.stack((first, second), axis=1),
+        late=np.where(within < WITHIN * most, 0.0, at - np.where(is_jump, second, mean)),
+    )
 
 
-def at_edges(pars: Sequence[Device], halves: Vector, resistance: Vector) -> list[Vector | float]:
+def at_edges(pars: Sequence[Device], course: Course, resistance: Vector) -> list[Vector | float]:
     """What is missing of the current of each model at the samples after an edge [A].
 
     Eddy currents follow the voltage at the sample, i = g_e u / (1 + R g_e) + ..., not the mean before it, which has
@@ -190,10 +205,7 @@ def at_edges(pars: Sequence[Device], halves: Vector, resistance: Vector) -> list
     lossy = [par for par in pars if isinstance(par, lossy_valve.Parameters)]
     if not lossy:
         return [0.0] * len(pars)
-    last = np.where(jumps(halves), split_jumps(halves).voltages[:, 1], halves.mean(axis=1))
-    late = np.append(halves[1:, 0], halves[-1, 1]) - last
-    late[np.abs(halves[:, 1] - halves[:, 0]) < WITHIN * np.ptp(halves)] = 0.0
-    return [late * par.core_eddy / (1.0 + par.coil_factor * resistance * par.core_eddy) for par in lossy]
+    return [course.late * par.core_eddy / (1.0 + par.coil_factor * resistance * par.core_eddy) for par in lossy]
 
 
 def _single(halves: Vector) -> Vector:
@@ -205,11 +217,6 @@ def behind(filtered: Filtered, x: Vector) -> Vector:
     """Half samples (2 n,) at the samples, behind a low-pass without its mean delay (n,)."""
     by = weights(filtered.low_pass)
     return np.convolve(np.pad(x, by.size // 2, mode="edge"), by, mode="valid")[1::2]
-
-
-def jumps(halves: Vector) -> npt.NDArray[np.bool_]:
-    """Whether the voltage jumps within each interval."""
-    return np.asarray(np.abs(halves[:, 1] - halves[:, 0]) > STEEP * np.ptp(halves))
 
 
 def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
@@ -240,7 +247,7 @@ def balance(form: Form, ratios: Vector, experiment: Experiment, current: Vector 
     The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
     0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
     """
-    modelled = simulate_experiment(form.at(ratios), experiment).current if current is None else current
+    modelled = simulate_currents([form.at(ratios)], experiment)[0] if current is None else current
     charges = [trapezoid(i) for i in (modelled, experiment.current)]
     scaled = with_resistance(experiment, experiment.resistance * form.factor(ratios))
     return with_factors(
@@ -295,19 +302,19 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
         ]
     kernel, with_position = kernel_of(pars[0]), experiment.position is not None
     count, changes = experiment.current.size, np.diff(experiment.resistance, prepend=np.nan) != 0.0
-    recorded = plan_of(kernel, tuple(jumps(experiment.halves).tolist()), tuple(changes.tolist()), with_position)
+    course, dt = follow(experiment.halves), experiment.dt
+    recorded = plan_of(kernel, tuple(course.is_jump.tolist()), tuple(changes.tolist()), with_position)
     if recorded.library is None:
         models = [simulate_experiment(par, experiment) for par in pars]
         return [Response(model.current, model.position if with_position else None) for model in models]
-    halves, dt = experiment.halves, experiment.dt
     columns: dict[str, Any] = dict(zip(columns_of(kernel), zip(*map(flat, pars))))
     columns = {name: np.transpose(v) if isinstance(v[0], list) else [v] for name, v in columns.items()}
     columns[RESISTANCE] = experiment.resistance
-    early, late = zip(*(x.T for x in split_jumps(halves)))
-    columns |= {"mean": halves.mean(axis=1), "first": early[1], "second": late[1]}
-    columns |= {"at": [k * dt for k in range(count)], "early": dt * early[0], "late": dt * late[0], "whole": [dt]}
+    early, late = dt * course.parts.T
+    columns |= dict(zip(("mean", "first", "second"), (course.mean, *course.voltages.T)))
+    columns |= {"at": dt * np.arange(count), "early": early, "late": late, "whole": [dt]}
     made = recorded.run(len(pars), **columns).T
-    currents = [run[:count] + more for run, more in zip(made, at_edges(pars, halves, experiment.resistance))]
+    currents = [run[:count] + more for run, more in zip(made, at_edges(pars, course, experiment.resistance))]
     return [Response(i, run[count:] if with_position else None) for i, run in zip(currents, made)]
 
 
@@ -364,6 +371,18 @@ class Prepared(NamedTuple):
     convention: str = ""  # the voltage between samples; none: as the records have it
 
     @property
+    def carriers(self) -> list[Carrier]:
+        """PWM of records in which edges follow each other too fast for places of their own."""
+        records = [r for r in self.records if not r.is_mean and len(edges(r.voltage)) < rises(r.voltage).size]
+        return [found for r in records if (found := carrier(r, operations(r, self.period)))]
+
+    @property
+    def slow(self) -> str:
+        """Sentence on edges that take their time, if they are read so; or none."""
+        read = [r for r in self.records if r.slow and (r.is_filtered or self.convention == "slow")]
+        return next((r.slow.told(r.dt, r.is_filtered) for r in read if r.slow), "")
+
+    @property
     def drive(self) -> Mapping[str, float]:
         """Values of the causes that are taken out of all records."""
         return {name: value for name, value in self.raw[0].drive.items() if not is_place(name)}
@@ -384,6 +403,10 @@ class Prepared(NamedTuple):
         """Names of the places of all edges that are far enough from each other, from the first operation on."""
         every = [(j, k) for j, record in enumerate(self.records) for k in edges(record.voltage)]
         return [f"{PLACE}{j}.{k}" for j, k in every if self.fluxes[j].operations[0].start < k]
+
+    def readings(self, conventions: Sequence[str]) -> list[Prepared]:
+        """The same with each voltage between samples that the edges of the first record allow."""
+        return [prepare_all(read, self.period, name) for name, read in read_each(self.raw, conventions).items()]
 
     def moved(self, by: Mapping[str, float]) -> Prepared:
         """The same with other values of the causes."""
@@ -417,7 +440,7 @@ def prepare_all(records: Sequence[Record], period: float | None, convention: str
     """Records with the voltage between samples that is named, or else as they have it."""
     read = [take_out_causes(record, convention, is_sharp=True) for record in records]
     experiments, fluxes = zip(*(prepare(record, period) for record in read))
-    raw = [record._replace(filtered=one.filtered) for record, one in zip(records, read)]
+    raw = [record._replace(slow=one.slow) for record, one in zip(records, read)]
     return Prepared(
         records=read, experiments=[*experiments], fluxes=[*fluxes], raw=raw, period=period, convention=convention
     )

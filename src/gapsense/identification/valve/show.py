@@ -180,6 +180,11 @@ def validate(par: Device, record: Record) -> Validation:
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 WHAT = {"series": "series, while on", "drop": "drop, while off", "delay": "delay of the current"}
+PWM = (
+    "The voltage is switched every {:.3g} samples (PWM), too fast for places of its edges. So its mean is known to {}"
+    " only, which is in the standard errors. Where that leaves more than noise, record means of intervals, or without"
+    " PWM; `gapsense commission` seeks the place of every edge."
+)
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
@@ -278,12 +283,13 @@ def remarks(result: Identified) -> list[str]:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
     if result.convention:
         said.append(f"The voltage between two samples is best read as `{result.convention}`.")
-    said += [result.low_pass] if result.low_pass else []
+    said += [result.slow] if result.slow else []
     if result.places:
         said.append(
             f"The {len(result.places)} edges of the voltage lie differently between two samples: the place of each is"
             " sought, and its doubt is in the standard errors."
         )
+    said += [PWM.format(c.samples, quantity(c.doubt, "V")) for c in result.carriers[:1]]
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     said += explanations(result)
