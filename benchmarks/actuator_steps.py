@@ -72,7 +72,8 @@ def actuator_steps(fmus: Path) -> Costs:
 
 def recorded(scenario: Path, fmus: Path, mode: Port, moving: tuple[float, ...], variant: str | None = None) -> Run:
     """A run of a scenario in which the mover moves where the signal `mode` is one of `moving`."""
-    experiment = prepare(scenario, variant, fmus)
+    read, *others = prepare(scenario, variant, fmus)
+    experiment: Any = (replace(read, record=replace(read.record, decimation=1)), *others)  # every step is played again
     with Master(*experiment) as master:
         place = master.places.index[mode]
         rows = master.run(list(range(len(master.buffer))), experiment[0].seeds).data

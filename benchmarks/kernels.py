@@ -45,7 +45,7 @@ double nanoseconds(int repeats, int count, int width, int states, const real *st
     for (int r = 0; r < repeats; r++) {
         for (int i = 0; i < states; i++) state[i] = start[i];
         for (int k = 0; k < count; k++)
-            NAME_step(state, memory, inputs + k * width, par, tables, sizes, state, outputs);
+            NAME_step(state, memory, inputs + k * width, par, tables, sizes, outputs);
     }
     clock_gettime(CLOCK_MONOTONIC, &b);
     return (1e9 * (b.tv_sec - a.tv_sec) + (b.tv_nsec - a.tv_nsec)) / ((double)repeats * count);

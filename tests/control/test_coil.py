@@ -145,3 +145,11 @@ def test_ordinary_closing_takes_more_current_than_that_which_left_the_mover_open
     assert driving(raised(raised(coil)), PAR) == pytest.approx(1.2 * PAR.voltage_hold)
     assert driving(raised(coil._replace(held_current=1e3)), PAR) == PAR.voltage_most
     assert driving(raised(coil._replace(held_current=0.01)), PAR) == PAR.voltage_hold  # it had none
+
+
+@pytest.mark.parametrize(("left", "share"), [(1e-3, 0.5), (-1e-3, 0.5), (20e-3, 1.0)])
+def test_a_current_that_noise_leaves_is_no_zero_at_once(left, share):
+    """The mean of the last 0.8 ms has a deviation of 2.2 mA with 20 mA of noise."""
+    coil = first_coil(inputs(), PAR)._replace(late_current=left, held_current=left, last_current=left, noise=20e-3)
+    assert zeroed(coil, PAR).zero == pytest.approx(share * left)
+    assert zeroed(coil._replace(noise=0.1e-3), PAR).zero == left

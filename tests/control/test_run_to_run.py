@@ -6,9 +6,9 @@ from copy import deepcopy
 import pytest
 from commanded import commanded, inputs, parameters
 
-from gapsense.control import run_to_run
+from gapsense.control import laws, run_to_run
 from gapsense.control.coil import DRIVEN
-from gapsense.control.judging import WARNINGS
+from gapsense.control.judging import WARNINGS, judged_by_estimator
 from gapsense.control.records import LawKind
 from gapsense.estimators.gap import gap, make_gap
 from gapsense.kernels.interface import ports_of
@@ -302,3 +302,19 @@ def test_motions_after_the_samples_that_are_kept_teach_nothing(leaves, lands):
     rows, state = run([1.0] * 2000 + [0.0] * 300, voltage=10.0, current=0.2, mode=mode)
     assert state.heard.takeoff == 0.0 and state.course.last < 1024
     assert all(math.isfinite(x) for row in rows for x in row)
+
+
+@pytest.mark.parametrize(("speed", "is_warned"), [(0.25, 0.0), (0.35, 1.0)])
+def test_an_impact_that_is_hardly_hard_counts_but_is_not_warned_of(speed, is_warned):
+    """An estimator is off by 0.03 m/s: warned from 0.22 m/s on, one soft operation in 200 was."""
+    par = PAR._replace(approach_least=0.06)
+    state, _ = run_to_run.initial(inputs(), par)
+    law = laws.first(par.closing_travel, par)._replace(was_plain=0.0, speed=par.approach_least)
+    state = state._replace(
+        laws=laws.write(state.laws, 1.0, law),
+        cycles=20.0,
+        running=state.running._replace(command=1.0, age=98.0, is_judged=0.0, due=60.0),
+    )
+    said = inputs(time=98e-4, misfit=1.0, landing_time=6e-3, smoothed_time=9e-3, estimated_impact_speed=speed)
+    found = judged_by_estimator(state, said, par)
+    assert found.noted.hard == is_warned and found.landed_hard == 1.0

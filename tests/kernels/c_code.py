@@ -29,9 +29,9 @@ RUN = """
 void run(int samples, int inputs, int outputs, real *state, real *const *memory, const real *given, const real *par,
     const real *const *tables, const int *sizes, real *found)
 {
-    %(name)s_initial(state, memory, given, par, tables, sizes, state, found);
+    %(name)s_initial(state, memory, given, par, tables, sizes, found);
     for (int k = 1; k < samples; k++)
-        %(name)s_step(state, memory, given + k * inputs, par, tables, sizes, state, found + k * outputs);
+        %(name)s_step(state, memory, given + k * inputs, par, tables, sizes, found + k * outputs);
 }
 """
 
@@ -91,7 +91,6 @@ class CKernel:
             _address(own.scalars),
             own.addresses,
             own.sizes,
-            _address(self.state),
             _address(self.outputs),
         )
 

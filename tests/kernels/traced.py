@@ -69,11 +69,10 @@ def run_numpy(function: Callable[..., Any], *values: Any) -> Any:
 
 def run_c(function: Callable[..., Any], folder: Path, *values: float) -> float:
     g = graph(function)
-    # C expects the results `state_next` and `outputs`
-    library = build_graph(g._replace(results=[(g.results[0][0], []), g.results[0]]), folder)
+    library = build_graph(g, folder)
     given, found = (ctypes.c_double * 3)(*values), (ctypes.c_double * 1)()
     none = ctypes.c_void_p(None)
-    library.step(none, none, given, none, none, none, none, found)
+    library.step(none, none, given, none, none, none, found)
     return found[0]
 
 
@@ -84,7 +83,7 @@ def memory_step(g: Graph, folder: Path) -> Callable[[list[float], Inputs], float
     def step(memory: list[float], inputs: Inputs) -> float:
         own, given, found = (ctypes.c_double * 5)(*memory), (ctypes.c_double * 3)(*inputs), (ctypes.c_double * 1)()
         addresses, none = (ctypes.c_void_p * 1)(ctypes.addressof(own)), ctypes.c_void_p(None)
-        library.step(none, addresses, given, none, none, none, none, found)
+        library.step(none, addresses, given, none, none, none, found)
         memory[:] = own
         return found[0]
 

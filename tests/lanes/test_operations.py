@@ -50,11 +50,11 @@ def run_lanes(function: Any, columns: np.ndarray) -> np.ndarray:
 def run_one_by_one(function: Any, columns: np.ndarray, folder: Path) -> list[float]:
     """The same by the C for one double."""
     g = graph(function)
-    library = build_graph(g._replace(results=[(g.results[0][0], []), g.results[0]]), folder)
+    library = build_graph(g, folder)
     found, none = (ctypes.c_double * 1)(), ctypes.c_void_p(None)
     results = []
     for column in columns.T:
-        library.step(none, none, (ctypes.c_double * 3)(*column), none, none, none, none, found)
+        library.step(none, none, (ctypes.c_double * 3)(*column), none, none, none, found)
         results.append(found[0])
     return results
 

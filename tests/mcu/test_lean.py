@@ -26,9 +26,9 @@ FLUX, QUALITY = 2, 3
 LOOP = """
 void run(int count, const real *inputs, const real *par, real *state, real *outputs)
 {
-    NAME_initial(0, 0, inputs, par, 0, 0, state, outputs);
+    NAME_initial(state, 0, inputs, par, 0, 0, outputs);
     for (int k = 1; k < count; k++)
-        NAME_step(state, 0, inputs + 2 * k, par, 0, 0, state, outputs + SIZE * k);
+        NAME_step(state, 0, inputs + 2 * k, par, 0, 0, outputs + SIZE * k);
 }
 """
 CONDITIONS: dict[str, dict[str, Any]] = {

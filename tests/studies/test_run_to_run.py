@@ -101,6 +101,33 @@ def test_energy_is_what_the_plant_says():
     assert cycle_of(rows[:, :-1], CLOSED, 20e-6).energy == pytest.approx(rows[-1, -1], rel=1e-3)
 
 
+# what actuators taught
+
+
+@pytest.mark.slow
+def test_no_closing_fails_twice_in_noise_of_20_mA():
+    """`Mhe` took these movers for landed; the loop's own flux linkage tells that they float, and its zero is a mean."""
+    for first, seed in ((19, 32), (58, 32), (99, 31)):
+        found = outcome("model", CONDITIONS["told-noise"], seed, range(first, first + 1), 15)
+        assert noticed(found).twice == 0
+
+
+@pytest.mark.slow
+def test_bend_of_a_core_is_no_hit_without_a_contact():
+    """This actuator was warned of in cycles 5 and 9, which land with 0.1 m/s."""
+    found = noticed(outcome("model", CONDITIONS["wrong-20"], 41, range(18, 19), 12))
+    assert found.soft > 15 and found.wrongly == 0
+
+
+def test_a_heavy_mover_gets_a_longer_travel():
+    """Twice the mass of the example: its spring is too weak for the profile, and openings landed with 0.13 m/s."""
+    loop = loop_of("contact", PLAIN, 31, range(4))
+    par = {**loop.par, **{name: 2.0 * loop.par[name] for name in ("plant.mover_mass", "law.mover_mass")}}
+    cycles = recorded_cycles("contact", loop._replace(par=par), PLAIN, 4, 20)
+    speeds = np.array([cycle_of(recorded, CLOSED, 20e-6).speeds for recorded in cycles])[10:]
+    assert np.median(speeds, axis=(0, 2)).max() < 0.1
+
+
 # loops
 
 

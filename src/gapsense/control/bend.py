@@ -6,15 +6,17 @@ more once that is on its stop.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from gapsense.control import laws
-from gapsense.control.coil import wandering
+from gapsense.control.coil import open_flux, wandering
 from gapsense.control.mover import gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
 from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import cond, floor, load, not_, sqrt, square, where
+from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
@@ -33,7 +35,9 @@ AJAR = 0.75  # of the reluctance of an open one: an opening below has not arrive
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 CORE, BEYOND = 0.4, 0.66  # share of a bend that makes it the core's; a bend that is a hit for all that [m/s]
+CORE_ALONE, BEYOND_ALONE = 0.6, 0.9  # the same without a contact, whose bounds of a hit are higher
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
+OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
 FOLLOW = 0.1  # share by which that follows a mover that seems farther away
 UNKNOWN = 1e3  # error of what was not measured
 
@@ -91,15 +95,17 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
 
 
 def is_of_core(state: State, par: Parameters) -> Scalar:
-    """Whether the bend before the contact's landing of a closing is that of a core that saturates, and no hit.
+    """Whether the bend before the landing of a closing is that of a core that saturates, and no hit.
 
-    How much the reluctance of the core grows with the flux linkage is told with the mover seated, after its landing.
+    How much the reluctance of the core grows with the flux linkage is told with the mover seated: after its landing by
+    the contact, or after it is to have arrived.
     """
     heard, running, n, m = state.heard, state.running, piece(par), make_mover(par)
-    late = running.due + _later(par)
-    is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (heard.landing < late)
-    is_kept = is_kept & (heard.landing > heard.hit + 2.0 * n) & (late + n <= running.age) & (late + n < LONGEST)
-    hit, landing, later = (LONGEST + where(is_kept, at, 2.0 * n + 1.0) for at in (heard.hit, heard.landing, late))
+    late, is_alone = told_at(running, par), state.by_model > 0.0
+    landing = where(is_alone, running.due, heard.landing)
+    is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (landing < late)
+    is_kept = is_kept & (landing > heard.hit + 2.0 * n) & (late + n <= running.age) & (late + n < LONGEST)
+    hit, landing, later = (LONGEST + where(is_kept, at, 2.0 * n + 1.0) for at in (heard.hit, landing, late))
     more = load(state.fluxes, later) - load(state.fluxes, landing)
     before, at_hit, after = (load(state.fluxes, hit + k * 2.0 * n) for k in (-1.0, 0.0, 1.0))
     bend = (after - 2.0 * at_hit + before) / (2.0 * n * par.sample_time)
@@ -109,11 +115,11 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     is_kept = (
         is_kept
         & (more > RISEN)
-        & (heard.hardest < BEYOND)
-        & (running.speed < SLOW * par.approach_first)
+        & (heard.hardest < where(is_alone, BEYOND_ALONE, BEYOND))
+        & (is_alone | (running.speed < SLOW * par.approach_first))
         & (_reluctance(state, hit, par) < seated)
     )
-    return is_kept & (growth * bend > CORE * slope * heard.hardest)
+    return is_kept & (growth * bend > where(is_alone, CORE_ALONE, CORE) * slope * heard.hardest)
 
 
 def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
@@ -124,14 +130,15 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     """
     running, n, m = state.running, piece(par), make_mover(par)
     opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
+    is_closing, again = running.command > 0.5, told_at(running, par)
 
-    def reluctance(due: Scalar) -> tuple[Scalar, Scalar]:
+    def reluctance(due: Scalar, drawn: Callable[[Scalar], Scalar] = lambda _: 0.0) -> tuple[Scalar, Scalar]:
         is_kept = (due > n) & (due + n <= running.age) & (due + n < LONGEST)
         at = running.command * LONGEST + where(is_kept, due, n)
-        return _reluctance(state, at, par) / opened, is_kept & (load(state.fluxes, at) > TELLING)
+        return _reluctance(state, at, par, drawn(at)) / opened, is_kept & (load(state.fluxes, at) > TELLING)
 
-    is_closing, later = running.command > 0.5, _later(par)
-    (early, is_early), (found, is_told) = reluctance(running.due), reluctance(running.due + later)
+    early, is_early = reluctance(running.due)
+    found, is_told = reluctance(again, lambda at: _drawn(state, is_closing, at, par))
     error = wandering(state.coil, par) / _large(
         load(state.fluxes, running.command * LONGEST + where(is_told, running.due, 0.0))
     )
@@ -145,16 +152,28 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     return is_there, is_absent, where(is_told & not_(is_absent), follows, seated)
 
 
-def _later(par: Parameters) -> Scalar:
-    """Samples after the planned arrival at which it is told again."""
-    return floor(LATER / par.sample_time + 0.5)
+def _drawn(state: State, is_closing: Scalar, at: Scalar, par: Parameters) -> Scalar:
+    """What the flux linkage in memory has of an estimator's: one that takes a mover for landed pulls it there.
+
+    The loop's own integral begins where a closing does, and ends where an opening does: with the mover open.
+    """
+    coil = state.coil
+    off = clip(coil.resistance - coil.balanced, -OTHER * coil.balanced, OTHER * coil.balanced)
+    end = coil.drawn - off * coil.charge - (coil.flux - open_flux(coil, par))
+    drawn = state.running.drawn_till_told - off * load(state.charges, at) - where(is_closing, 0.0, end)
+    return where(state.by_model > 0.0, drawn, 0.0)
 
 
-def _reluctance(state: State, at: Scalar, par: Parameters) -> Scalar:
-    """Current over flux linkage around a place in memory [1/H]."""
+def told_at(running: Running, par: Parameters) -> Scalar:
+    """Sample after the planned arrival at which that is told again."""
+    return running.due + floor(LATER / par.sample_time + 0.5)
+
+
+def _reluctance(state: State, at: Scalar, par: Parameters, off: Scalar = 0.0) -> Scalar:
+    """Current over flux linkage around a place in memory, from which something is taken away [1/H]."""
     n = piece(par)
     charge = load(state.charges, at + n) - load(state.charges, at - n)
-    return charge / (2.0 * n * par.sample_time * _large(load(state.fluxes, at)))
+    return charge / (2.0 * n * par.sample_time * _large(load(state.fluxes, at) - off))
 
 
 def due(plan: Operation, par: Parameters) -> Scalar:

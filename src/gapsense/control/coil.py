@@ -20,6 +20,7 @@ OPEN, AFLOAT = 1.3, 0.8  # of the flux linkage that balances the spring of the o
 OPENED = (0.9, 2.0)  # of its reluctance
 WARM = 0.85  # share of the voltage that the resistance may need
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
+MEAN = 0.5  # of a zero that noise explains
 LANDED, SURE = 0.01, 5.0  # of the usual current: it rises by more where a mover lands; standard deviations of noise
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
@@ -28,6 +29,7 @@ SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved
 STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage and resistance are followed; error [Wb]
 BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
 JUMP, FASTER, PATIENCE = 0.2, 3.0, 5.0  # of the usual current; than the open coil; wild readings in a row
+BALANCED = 0.3  # share by which the mean of the resistance of cycles follows
 JUMPED, SHARE, YOUNG = 0.01, 0.4, 3.0  # a change of the resistance that is taken at once, else a share; first cycles
 
 
@@ -62,6 +64,8 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
         top=0.0,
         shift=0.0,
         needed=DRIVEN * usual_current(par),
+        drawn=0.0,
+        balanced=R,
     )
 
 
@@ -142,8 +146,9 @@ def is_scarce(coil: Coil, par: Parameters) -> Scalar:
 
 def zeroed(coil: Coil, par: Parameters) -> Coil:
     """After an ordinary opening, which leaves no current; one that is too large for an offset has not decayed yet."""
-    off = where(fabs(coil.late_current) < OFFSET * usual_current(par), coil.late_current, 0.0)
-    u = coil.held_voltage
+    u, noise = coil.held_voltage, coil.noise * sqrt(0.5 * par.sample_time / LATE)
+    share = where(fabs(coil.late_current) > SURE * noise, 1.0, MEAN)  # what may be noise is no other zero
+    off = where(fabs(coil.late_current) < OFFSET * usual_current(par), share * coil.late_current, 0.0)
     return coil._replace(
         voltage_zero=coil.voltage_zero + where(fabs(u) < OFFSET * par.voltage_most, u, 0.0),
         zero=coil.zero + off,
@@ -200,8 +205,12 @@ def open_flux(coil: Coil, par: Parameters) -> Scalar:
 
 def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
     """With which the integral over the cycle ends where its last current says."""
+    return _resistance_of(coil, coil.flux - coil.shift - open_flux(coil, par), par)
+
+
+def _resistance_of(coil: Coil, off: Scalar, par: Parameters) -> Scalar:
+    """With which the integral over the cycle ends elsewhere by so much."""
     has_charge = coil.charge > HOLDS * par.voltage_hold / par.coil_resistance * par.closing_travel
-    off = coil.flux - coil.shift - open_flux(coil, par)
     return where(
         has_charge, _possible(coil.resistance + off / where(has_charge, coil.charge, 1.0), par), coil.resistance
     )
@@ -214,7 +223,7 @@ def closed(coil: Coil, cycles: Scalar, is_open: Scalar, par: Parameters) -> Coil
     start = coil.remanence + where(fabs(off) > FAR, 1.0, NEAR) * off
     start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
     trend = where(cycles > YOUNG, coil.trend + TREND * ((R - coil.measured) - coil.trend), 0.0)
-    return _restarted(coil, start)._replace(resistance=R + trend, measured=R, trend=trend, remanence=start)
+    return _restarted(coil, start)._replace(resistance=R + trend, measured=R, trend=trend, remanence=start, balanced=R)
 
 
 def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
@@ -223,7 +232,14 @@ def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
     R = _possible(where(has_solved, inputs.estimated_resistance, coil.measured), par)
     is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
     used = where(is_new, R, coil.resistance + SHARE * (R - coil.resistance))
-    return _restarted(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R)
+    balanced = _balanced(coil, cycles, inputs.estimated_flux_linkage, par)
+    return _restarted(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R, balanced=balanced)
+
+
+def _balanced(coil: Coil, cycles: Scalar, end: Scalar, par: Parameters) -> Scalar:
+    """Resistance with which the loop's own integral over the cycle ends at a flux linkage: its mean of late."""
+    R = _resistance_of(coil, coil.flux - coil.drawn - end, par)
+    return coil.balanced + where(cycles < YOUNG, 1.0, BALANCED) * (R - coil.balanced)
 
 
 def wandering(coil: Coil, par: Parameters) -> Scalar:
@@ -237,7 +253,12 @@ def steadied(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
     off = inputs.estimated_flux_linkage - coil.flux
     share = coil.resistance * coil.noise * par.sample_time / WANDERING
     is_near = (inputs.misfit < STEADY) & (fabs(off) < WANDERING)
-    return coil._replace(flux=coil.flux + where(is_near, share * off, 0.0))
+    return drawn(coil, where(is_near, share * off, 0.0))
+
+
+def drawn(coil: Coil, change: Scalar) -> Coil:
+    """With a flux linkage that is changed by what an estimator says."""
+    return coil._replace(flux=coil.flux + change, drawn=coil.drawn + change)
 
 
 def topped(coil: Coil) -> Coil:
@@ -248,4 +269,4 @@ def topped(coil: Coil) -> Coil:
 
 
 def _restarted(coil: Coil, start: Scalar) -> Coil:
-    return coil._replace(flux=start, charge=0.0, shift=0.0, highest=0.0, lowest=0.0, rise=0.0)
+    return coil._replace(flux=start, charge=0.0, shift=0.0, drawn=0.0, highest=0.0, lowest=0.0, rise=0.0)

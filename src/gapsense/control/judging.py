@@ -16,6 +16,7 @@ LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
 GOOD = 3.5  # misfit of a window that is solved well
 HARD, TWICE = 0.1, 2.0  # an impact is hard beyond this [m/s] and so many approach speeds
+LOUD = 0.3  # impact speed by an estimator of which is warned [m/s]
 ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this [m/s] and so many approach speeds
 SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
@@ -97,14 +98,19 @@ def _most(speed: Scalar) -> Scalar:
 
 def _with_hit(state: State, par: Parameters) -> Heard:
     """A stop that the current tells, where the contact comes much later than planned, or not at all."""
-    heard, running = state.heard, state.running
+    heard, running = without_core(state, par).heard, state.running
     plan = planned(running.command, running.speed, running.travel, 0.0, par)
     late = heard.landing * par.sample_time - plan.lead - arrival(plan)
     is_after_it = (heard.landing - heard.hit) * par.sample_time > TARDY
-    is_hit = (heard.hit > 0.0) & not_(is_of_core(state, par))
-    heard = heard._replace(hit=where(is_hit, heard.hit, 0.0), hardest=where(is_hit, heard.hardest, 0.0))
-    is_before = is_hit & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
+    is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
     return heard._replace(landing=where(is_before, heard.hit, heard.landing))
+
+
+def without_core(state: State, par: Parameters) -> State:
+    """Without a hit that is the bend of a core."""
+    heard, is_hit = state.heard, not_(is_of_core(state, par))
+    heard = heard._replace(hit=where(is_hit, heard.hit, 0.0), hardest=where(is_hit, heard.hardest, 0.0))
+    return state._replace(heard=heard)
 
 
 def _alarmed(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> State:
@@ -183,12 +189,12 @@ def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, pa
     planned_speed = where(state.cycles < YOUNG, law.speed, par.approach_least)
     most, hardest = HARD + TWICE * planned_speed, HARD + ALLOWED * par.approach_first
     is_hard = inputs.estimated_impact_speed > where(most < hardest, most, hardest)
-    is_hard = is_hard & is_soft & is_good & (has_landed > 0.0)
+    is_hard, is_loud = is_hard & is_soft & is_good & (has_landed > 0.0), inputs.estimated_impact_speed > LOUD
     fewer = where(state.landed_hard > FORGIVEN, state.landed_hard - FORGIVEN, 0.0)
     return state._replace(
         explained_well=where(is_good, state.explained_well + 1.0, 0.0),
         landed_hard=where(is_hard, state.landed_hard + 1.0, where(is_soft, fewer, state.landed_hard)),
-        noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)),
+        noted=state.noted._replace(hard=where(is_hard & is_loud, 1.0, state.noted.hard)),
     )
 
 

@@ -176,6 +176,7 @@ class Running(NamedTuple):
     last_age: Scalar  # samples of the operation before
     last_is_judged: Scalar  # the same of that
     strain: Scalar  # largest share of the voltage that the resistance has needed
+    drawn_till_told: Scalar  # what an estimator has added to its flux linkage until its arrival was told [Wb]
 
 
 class Heard(NamedTuple):
@@ -217,6 +218,8 @@ class Coil(NamedTuple):
     top: Scalar  # flux linkage with which closings end: its mean of late, or 0 [Wb]
     shift: Scalar  # of this cycle's flux linkage, towards that [Wb]
     needed: Scalar  # current of an ordinary closing, at least [A]
+    drawn: Scalar  # what an estimator has added to the flux linkage in this cycle [Wb]
+    balanced: Scalar  # resistance with which cycles end where they should without that: its mean of late [ohm]
 
 
 class Pass(NamedTuple):

@@ -14,10 +14,11 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, watched
+from gapsense.control.bend import due, told_at, watched
 from gapsense.control.coil import (
     WARM,
     closed,
+    drawn,
     first_coil,
     held_resistance,
     integrated,
@@ -40,6 +41,7 @@ from gapsense.control.judging import (
     judged_by_reluctance,
     listened,
     warned,
+    without_core,
 )
 from gapsense.control.mover import balance
 from gapsense.control.profile import stops
@@ -108,7 +110,7 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
         judged = judged_by_current(judged_by_contact(state, par), par)
         return learning.begun(judged, half, correction, inputs.impact_speed, par)
 
-    return cond(state.by_model < 1.0, by_contact, lambda: judged_by_current(state, par))
+    return cond(state.by_model < 1.0, by_contact, lambda: judged_by_current(without_core(state, par), par))
 
 
 def _held(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -125,7 +127,7 @@ def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) ->
     """The flux linkage with which an opening begins: a mean of the last ones, or that of an estimator in its senses."""
     coil, by_contact = state.coil, state.by_model < 1.0
     off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
-    told = coil._replace(flux=coil.flux + where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
+    told = drawn(coil, where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
     return cond(by_contact & not_(is_plain), lambda: topped(coil), lambda: told)
 
 
@@ -249,6 +251,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
             strain=0.0,
+            drawn_till_told=0.0,
         ),
         heard=Heard(last_mode=inputs.mode, began=began, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
         alarm=where(state.alarm > 0.0, state.alarm - 1.0, 0.0),
@@ -317,6 +320,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
             last_age=0.0,
             last_is_judged=1.0,
             strain=0.0,
+            drawn_till_told=0.0,
         ),
         heard=Heard(last_mode=inputs.mode, began=0.0, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
         course=Pass(
@@ -352,6 +356,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     running = state.running._replace(age=state.running.age + 1.0)
     coil, is_lost = integrated(state.coil, inputs, is_late(running, par), par)
     coil = cond(state.by_model > 0.0, lambda: steadied(coil, inputs, par), lambda: coil)
+    running = running._replace(
+        drawn_till_told=where(running.age <= told_at(running, par), coil.drawn, running.drawn_till_told)
+    )
     noted = state.noted._replace(lost=where(is_lost, 1.0, state.noted.lost))
     state = state._replace(coil=coil, running=running, noted=noted)
     state = state._replace(heard=listened(state, inputs))

@@ -5,12 +5,13 @@ from __future__ import annotations
 from gapsense.control import correction
 from gapsense.control.coil import driving
 from gapsense.control.mover import Mover, make_mover
-from gapsense.control.profile import Operation, flux, is_planned
+from gapsense.control.profile import LEAST, Operation, flux, is_planned
 from gapsense.control.records import LONGEST, Parameters, Running, State
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.trace import clip, cond, fabs, not_, store, where
+from gapsense.kernels.trace import clip, cond, fabs, not_, square, store, where
 
 GAIN = 2000.0  # of the flux linkage [1/s]
+ENDS = 1.01  # of the least square of a flux linkage: the profile wants less than none
 FRESH = 1e-3  # time after a limit of the voltage in which nothing is learnt [s]
 
 
@@ -104,9 +105,10 @@ def _watched(state: State, is_on: Scalar, then: Scalar, is_limited: Scalar, par:
     lead = where(running.command > 0.5, par.closing_lead, par.opening_lead)
     is_moving = running.age * par.sample_time < lead + running.travel
     strain = fabs(coil.resistance * coil.last_current) / par.voltage_most
+    pushes = is_on & (square(then) <= ENDS * LEAST)  # no magnet does, and the spring is too weak for the profile
     return running._replace(
         wanted=then,
-        limited=running.limited + where(is_limited & is_moving, 1.0, 0.0),
+        limited=running.limited + where((is_limited | pushes) & is_moving, 1.0, 0.0),
         since_limit=where(is_limited, 0.0, running.since_limit + 1.0),
         strain=where(is_on & (strain > running.strain), strain, running.strain),
     )

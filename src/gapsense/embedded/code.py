@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from gapsense.kernels.emit import Graph, Typed, number
+from gapsense.kernels.emit.c import FEW
 from gapsense.kernels.layout import names
 from gapsense.kernels.trace import Expr, Place, Region, memory_of
 
 LONGEST_QUOTE = 100
-READ = ("par", "constants", "inputs")  # records that are only read: copies would cost stack and time
 
 
 class Function(Typed):
@@ -37,11 +37,11 @@ class Function(Typed):
         for name, cls, symbols in self.graph.arguments:
             for entry, symbol in zip(names(cls), symbols):
                 self._unpack_entry(name, entry, symbol)
+        self.use_state()
         self.region(self.graph.tape.root)
         targets = ("constants",) if len(self.graph.results) == 1 else ("state", "outputs")
-        for name, (cls, entries) in zip(targets, self.graph.results):
-            for entry, value in zip(names(cls), entries):
-                self._pack_entry(name, entry, value)
+        for name, (cls, entries) in reversed([*zip(targets, self.graph.results)]):
+            self._give(name, dict(zip(names(cls), entries)))
         return self.lines
 
     def _unpack_entry(self, name: str, entry: str, symbol: Expr) -> None:
@@ -50,21 +50,25 @@ class Function(Typed):
             before = "" if self.is_baked else f"{name}->"
             text = before + entry
             self.size_of[symbol.id] = before + self.sizes[entry]
-        elif symbol.extra == "memory" or name in READ:
+        elif symbol.extra == "memory" or name != "state" or len(self.state()) > FEW:
             text = at
         elif symbol.id in self.uses:
-            self.write(f"const {self.type_of(symbol)} {text} = {at};")
+            self.write(f"const {self.real} {text} = {at};")
         self.text[symbol.id] = text
 
-    def _pack_entry(self, name: str, entry: str, value: Any) -> None:
-        target = f"{name}->{entry}"
-        if isinstance(value, list):
-            self.write(f"for (int k = 0; k < {self.memories[entry]}; k++) {target}[k] = {self._number(0.0)};")
-        elif memory_of(value) is None:
-            self.write(f"{target} = {self.bare(value)};")
-        if isinstance(value, Expr) and value.extra == "table" and self.sizes[entry] not in self.sized:
-            self.sized.add(self.sizes[entry])
-            self.write(f"{name}->{self.sizes[entry]} = {self.size_of[value.id]};")
+    def _give(self, name: str, values: Mapping[str, Any]) -> None:
+        for entry, value in values.items():
+            if isinstance(value, list):
+                self.write(
+                    f"for (int k = 0; k < {self.memories[entry]}; k++) {name}->{entry}[k] = {self._number(0.0)};"
+                )
+        numbers = {f"{name}->{entry}": value for entry, value in values.items() if memory_of(value) is None}
+        numbers = {target: value for target, value in numbers.items() if not isinstance(value, list)}
+        self.put([*numbers], [*numbers.values()])
+        for entry, value in values.items():
+            if isinstance(value, Expr) and value.extra == "table" and self.sizes[entry] not in self.sized:
+                self.sized.add(self.sizes[entry])
+                self.write(f"{name}->{self.sizes[entry]} = {self.size_of[value.id]};")
 
     def expression(self, node: Expr) -> str:
         """Text of an operation; tables know where their lengths are."""

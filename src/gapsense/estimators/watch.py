@@ -181,15 +181,19 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
     ends = (later > part) | now.is_edge
     half, first = before.has_edge * RESTING, where(before.left > 2.0, 2.0 * PARTS, 0.0)
     part = half + clip(part, 0.0, RESTING - 1.0)
-    above, below = (_most(before.usual, first, part, half, k * PARTS) for k in (0, 1))
-    width = above + below - 2.0 * MOST
-    more = where(before.operations < KNOWN, FIRST_WIDER, WIDER) * width + SLACK
-    is_beyond = ends & ((MOST + biased > above + more) | (MOST - biased > below + more))
-    is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(before.usual, first + part) > 0.0)
-    seen = before.seen
-    for k, value in enumerate((MOST + biased, MOST - biased)):
-        old = load(seen, part, k * PARTS)
-        seen = store(seen, part, where(ends & (value > old), value, old), k * PARTS)
+    more = where(before.operations < KNOWN, FIRST_WIDER, WIDER)
+
+    def ended() -> tuple[Array, Scalar]:
+        above, below = (_most(before.usual, first, part, half, k * PARTS) for k in (0, 1))
+        most = more * (above + below - 2.0 * MOST) + SLACK
+        is_beyond = (MOST + biased > above + most) | (MOST - biased > below + most)
+        is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(before.usual, first + part) > 0.0)
+        seen = before.seen
+        for k, value in enumerate((MOST + biased, MOST - biased)):
+            seen = store(seen, part, larger(load(seen, part, k * PARTS), value), k * PARTS)
+        return seen, where(is_known & is_beyond, 1.0, 0.0)
+
+    seen, is_other = cond(ends, ended, lambda: (before.seen, 0.0))
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
     seen, usual = cond(
         is_over,
@@ -204,7 +208,7 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
         operations=before.operations + where(is_over & is_learnt, 1.0, 0.0),
         left=where(is_over, now.leaves, before.left),
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),
-        other=lasting(before.other, is_known & is_beyond, is_over),
+        other=lasting(before.other, is_other > 0.0, is_over),
         seen=seen,
         usual=usual,
     )

@@ -14,12 +14,20 @@ from functools import cached_property
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from gapsense.kernels.emit import C, Graph, Python, indexing, namespace, split
+from gapsense.kernels.emit import HARMLESS_IN_C, C, Graph, Python, held, indexing, namespace, split
 from gapsense.kernels.layout import Choice, fields, flat, leaves, names, record, zeros
 from gapsense.kernels.trace import Expr, Tape, TraceError, memory_of
 
 STEP = """def step(state, inputs, par):
     return advance(state, inputs, constants(par))
+"""
+STEP_IN_C = """void {name}_step(real *state, real *const *memory, const real *inputs, const real *par,
+    const real *const *tables, const int *table_sizes, real *outputs)
+{{
+    real constants[{count} + 1]; /* there may be none */
+    {name}_constants(NULL, NULL, NULL, par, tables, table_sizes, constants);
+    {name}_advance(state, memory, inputs, constants, tables, table_sizes, outputs);
+}}
 """
 
 
@@ -131,10 +139,24 @@ class Kernel:
         functions = [Python(g).source() for g in (initial, *split(step, Python))]
         return f"# {self._origin}\n{Python.module(*functions, STEP)}"
 
+    @cached_property
+    def in_c(self) -> tuple[Graph, Graph]:
+        """`constants`, which may be computed once as in Python, and `advance`."""
+        return split(self.graphs[1], C, HARMLESS_IN_C)
+
+    @property
+    def constant_count(self) -> int:
+        """Numbers that `constants` makes in C."""
+        ((_, entries),) = self.in_c[0].results
+        return sum(held(entry) is None for entry in entries)
+
     def c(self) -> str:
-        """C99 source of `<name>_initial` and `<name>_step`."""
-        functions = [C(g._replace(name=f"{self.name}_{g.name}")).source() for g in self.graphs]
-        return f"/* {self._origin} */\n{C.module(*functions)}"
+        """C99 source of `<name>_initial`, `_constants`, `_advance` and `_step`, as those of Python."""
+        tables = [name for name, field in fields(self.module.Parameters).items() if field.kind == "table"]
+        graphs = (self.graphs[0], *self.in_c)
+        functions = [C(g._replace(name=f"{self.name}_{g.name}"), tables).source() for g in graphs]
+        step = STEP_IN_C.format(name=self.name, count=self.constant_count)
+        return f"/* {self._origin} */\n{C.module(*functions, step)}"
 
     @property
     def _origin(self) -> str:

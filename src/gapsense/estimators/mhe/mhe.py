@@ -83,11 +83,13 @@ from gapsense.estimators.readings import (
 from gapsense.kernels.interface import input_, output, part, ports
 from gapsense.kernels.layout import Array, Memory, Scalar, Vector, zeros
 from gapsense.kernels.linalg import diagonal, identity, matrix, vector
-from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, not_, square, store, when, where
+from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, not_, sqrt, square, store, when, where
 
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 CREEPING = 0.05  # of a voltage that is held: the rate of the model's flux linkage with which a coil is not settled yet
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
+ZEROED, MEAN = 5.0, 0.5  # deviations by which a zero is another one, which is taken at once; else a share
+LONGEST_REST = 256.0  # samples of which its mean is
 LASTING = 2e-3  # of too large innovations until feedback begins or gives up; of rest until it ends [s]
 AT_FIRST = (2e-3, 0.5e-3, 0.5)  # first deviations of flux linkage, position, velocity there [Wb], [m], [m/s]
 FLUX, SPEED = 67e-6, 0.45  # deviations that come to flux linkage and velocity in a second [Wb/s^0.5], [m/s^1.5]
@@ -105,7 +107,8 @@ class Held(NamedTuple):
     held_rate: Scalar = 0.0  # of the model's flux linkage [V]
     held_creep: Scalar = 0.0  # its mean
     held_resistance: Scalar = 0.0  # at the end of the last one that was long and large enough; or 0
-    zero: Scalar = 0.0  # current that was measured at the end of the last one without voltage that was long enough
+    rest_current: Scalar = 0.0  # mean of the current since `window.tail`
+    zero: Scalar = 0.0  # that of the last ones without voltage that were long enough
 
 
 class State(NamedTuple):
@@ -450,11 +453,12 @@ def _forget_held(held: Held, goes_on: Scalar, par: Parameters) -> Held:
 
 def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
     changes = fabs(u - before.held_level) > STEADY * fabs(before.held_level) + JUMP * par.noise_voltage
-    share = where(changes, 1.0, RECENT)
+    share, rests = where(changes, 1.0, RECENT), _rests(before, par)
     return when(changes, lambda held: _change_level(held, u, par), before)._replace(
         held=where(changes, 0.0, before.held + 1.0),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
+        rest_current=before.rest_current + (i - before.rest_current) / rests,
         held_creep=before.held_creep + share * (before.held_rate - before.held_creep),
         held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
     )
@@ -463,12 +467,18 @@ def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
 def _change_level(before: Held, u: Scalar, par: Parameters) -> Held:
     """What the voltage that was held has told, when another one begins."""
     R, is_long = _settled_resistance(before, par), before.held >= par.window_tail / par.sample_time
-    is_off = is_long & (fabs(before.held_voltage) < par.edge)
+    is_off, change = is_long & (fabs(before.held_voltage) < par.edge), before.rest_current - before.zero
+    is_other = fabs(change) > ZEROED * par.noise_current / sqrt(_rests(before, par))
     return before._replace(
         held_level=u,
         held_resistance=where(R > 0.0, R, before.held_resistance),
-        zero=where(is_off, before.held_current, before.zero),
+        zero=before.zero + where(is_off, where(is_other, 1.0, MEAN) * change, 0.0),
     )
+
+
+def _rests(held: Held, par: Parameters) -> Scalar:
+    """Samples of which the current at rest is the mean, from 1 on."""
+    return clip(held.held - par.window_tail / par.sample_time, 1.0, LONGEST_REST)
 
 
 def _resistance(held: Held, par: Parameters) -> Scalar:

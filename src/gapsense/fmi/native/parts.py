@@ -30,7 +30,7 @@ MODEL = """/* {description} Generated from the port table. */
 #include <math.h>
 #include <stddef.h>
 
-Kernel {kernel}_initial, {kernel}_step;
+Kernel {kernel}_initial, {kernel}_constants, {kernel}_advance;
 
 {arrays}
 const Model model = {{
@@ -43,7 +43,8 @@ const Model model = {{
     .par_count = {par_count}, .state_count = {state_count}, .table_count = {table_count},
     .memory_sizes = {memory_sizes}, .memory_count = {memory_count},
     .wholes = {wholes}, .whole_count = {whole_count},
-    .initial = {kernel}_initial, .step = {kernel}_step,
+    .constant_count = {constant_count},
+    .initial = {kernel}_initial, .constants = {kernel}_constants, .advance = {kernel}_advance,
 #ifdef GAPSENSE_COMPONENT
     .content = {content},
 #endif
@@ -152,6 +153,7 @@ def _counts(component: Component, kernel: Kernel, memory_count: int) -> dict[str
         "table_count": len(tables),
         "memory_count": memory_count,
         "whole_count": len(kernel.wholes),
+        "constant_count": kernel.constant_count,
     }
 
 

@@ -14,7 +14,8 @@ taken piece by piece.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -223,7 +224,8 @@ ELECTRIC = {name for name in (*DEVIATIONS, *MORE) if name.startswith(("coil", "c
 BIASED = 0.03  # sampling periods by which the rising edges may be found later than the falling ones
 CHANCE = 2.0  # squares that a number explains without meaning (AIC)
 CLEAR = 4.0  # standard errors of a correlation
-LAW_ERROR, LAW_SHAPES = 7.5e-3, 3  # of a gap law by formula, relative; cosines along the stroke
+LAW_ERROR, LAW_SHAPES = 7.5e-3, 3  # of a gap law, relative; cosines along the stroke
+SMALLER = 0.1  # the third step of a difference quotient by them, over the others
 LAW_ROWS, LAW_ENDS = 201, 0.2  # of a table of it, and how far it goes beyond the stops, in strokes
 QUANTILES = 200  # of flux linkages
 STIFF, SOFT, BACK = 0.15, 0.5, 0.3  # first guesses: angular frequency of the mover by the step, damping, restitution
@@ -242,6 +244,7 @@ class Commissioned(NamedTuple):
     beyond: Beyond  # what `Mhe` has not
     names: list[str]  # fields that were fitted
     covariance: Matrix  # of their logarithms
+    law_moves: Matrix  # by how much these move with each shape of the gap law that may be wrong (n, shapes)
     misfit: float  # cost over what noise and error of the model make
     drives: Sequence[Excitation]
     places: Sequence[Vector]  # of the edges of each record, in sampling periods after the middle
@@ -406,14 +409,21 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
     models = [simulate(found.known, *of_record, found.beyond) for of_record in zip(p.drives, places, p.offsets(x))]
     residuals = [residual(d, model, p.known.model_error) for d, model in zip(p.drives, models)]
-    if "gap_window" in p.names and p.beyond.core_power and all(r.is_explained for r in residuals):
-        moved = np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(p, x).T)[:n]
-        covariance += moved @ moved.T
+    has_law = "gap_window" in p.names or p.known.gap_law == GapLaw.table
+    law_moves: Matrix = np.zeros((n, 0))
+
+    def weighted(known: Parameters) -> Vector:
+        runs = zip(p.drives, places)
+        return np.concatenate([d.weights * simulate(known, d, at, beyond=found.beyond).current for d, at in runs])
+
+    if has_law and p.beyond.core_power and all(r.is_explained for r in residuals):
+        law_moves = np.asarray(np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(found.known, weighted).T))[:n]
     return Commissioned(
         parameters=found.known,
         beyond=found.beyond,
         names=p.names,
-        covariance=covariance,
+        covariance=covariance + law_moves @ law_moves.T,
+        law_moves=law_moves,
         misfit=misfit,
         drives=p.drives,
         places=places,
@@ -468,36 +478,50 @@ def with_usual_knee(result: Commissioned) -> tuple[Commissioned, float]:
     return found, rms(left(np.array([at[0], at[1], room]), np.zeros(3)))
 
 
-def law_errors(p: Problem, x: Vector) -> Matrix:
-    """What a gap law that is not quite that of the formula does to the residuals of all records (shapes, residuals)."""
-    par = parameters_at(p, x)
-    low, high = float(par.known.stop_lower), float(par.known.stop_upper)
+def with_other_law(known: Parameters, shape: int, by: float) -> Parameters:
+    """The same with a gap law that is off by a share of a cosine along the stroke."""
+    low, high = float(known.stop_lower), float(known.stop_upper)
     gaps = np.linspace(low - LAW_ENDS * (high - low), high + LAW_ENDS * (high - low), LAW_ROWS)
-    gaps, law = gaps[gaps > SMALLEST_GAP], make_gap(par.known)
-    R = par.known.coil_turns**2 * np.array([gap_law(h, law)[0] for h in gaps.tolist()])
+    gaps, law = gaps[gaps > SMALLEST_GAP], make_gap(known)
+    R = known.coil_turns**2 * np.array([gap_law(h, law)[0] for h in gaps.tolist()])
+    changed = R * (1.0 + by * np.cos(shape * np.pi * (gaps - low) / (high - low)))
+    columns = (gaps, changed, CubicSpline(gaps, changed)(gaps, 2))
+    table = dict(zip(("gap_file_gap", "gap_file_reluctance", "gap_file_spline"), (c.tolist() for c in columns)))
+    return known._replace(gap_law=float(GapLaw.table), **table)
 
-    def residuals_with(changed: Vector) -> Vector:
-        columns = (gaps, changed, CubicSpline(gaps, changed)(gaps, 2))
-        table = dict(zip(("gap_file_gap", "gap_file_reluctance", "gap_file_spline"), (c.tolist() for c in columns)))
-        known = par.known._replace(gap_law=float(GapLaw.table), **table)
-        places = zip(p.drives, p.places(x))
-        runs = [d.weights * simulate(known, d, at, beyond=par.beyond).current for d, at in places]
-        return np.concatenate(runs)
 
-    shapes = [np.cos(k * np.pi * (gaps - low) / (high - low)) for k in range(1, LAW_SHAPES + 1)]
-    at = residuals_with(R)
-    return LAW_ERROR * np.array([(residuals_with(R * (1.0 + STEP * shape)) - at) / STEP for shape in shapes])
+def law_errors(known: Parameters, values: Callable[[Parameters], Vector]) -> Matrix:
+    """What a gap law that is not quite the one given changes in some values of a model (shapes, values).
+
+    Of three difference quotients that in the middle: where the last bounce is a bounce more or less, one has a jump.
+    """
+    at = values(with_other_law(known, 1, 0.0))
+    steps = (STEP, -STEP, SMALLER * STEP)
+    rates = [[(values(with_other_law(known, k, by)) - at) / by for by in steps] for k in range(1, LAW_SHAPES + 1)]
+    return np.asarray(LAW_ERROR * np.median(rates, axis=1))
 
 
 def position_error(result: Commissioned) -> float:
-    """What the standard errors of all parameters do to the position of the model, RMS in the worst record [m]."""
-    p, found = Problem(result.parameters, result.names, result.drives, beyond=result.beyond), []
-    pars = [parameters_at(p, step) for step in STEP * np.eye(len(p.names))]
+    """What the standard errors of all parameters do to the position of the model, RMS in the worst record [m].
+
+    A wrong gap law goes together with the parameters that make up for it.
+    """
+    known, p = result.parameters, Problem(result.parameters, result.names, result.drives, beyond=result.beyond)
+    pars, moves, found = [parameters_at(p, x) for x in STEP * np.eye(len(p.names))], result.law_moves, list[float]()
+    plain = result.covariance - moves @ moves.T
     for one, places, model in zip(result.drives, result.places, result.models):
-        moved = [simulate(par.known, one, places, beyond=par.beyond) for par in pars]
-        slopes = [(there.position - model.position) / STEP for there in moved]
-        found.append(np.mean(np.einsum("jt,jk,kt->t", slopes, result.covariance, slopes)))
-    return float(np.sqrt(max(found)))
+        moved = [simulate(par.known, one, places, beyond=par.beyond).position for par in pars]
+        slopes = np.array([(z - model.position) / STEP for z in moved])
+        variance = np.einsum("jt,jk,kt->t", slopes, plain, slopes)
+        if moves.size:
+            by_law = law_errors(known, partial(_position, one, places, result.beyond))
+            variance += ((by_law + moves.T @ slopes) ** 2).sum(axis=0)
+        found.append(float(np.mean(variance)))
+    return math.sqrt(max(found))
+
+
+def _position(drive: Excitation, places: Vector, beyond: Beyond, par: Parameters) -> Vector:
+    return simulate(par, drive, places, beyond=beyond).position
 
 
 def doubt(p: Problem) -> float:

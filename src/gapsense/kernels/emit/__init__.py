@@ -1,6 +1,6 @@
 """Print a traced graph: scalar Python (stdlib only), numpy code or C over many runs, C99 in double or float."""
 
-from gapsense.kernels.emit.c import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, C, Typed, number, same
+from gapsense.kernels.emit.c import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, C, Typed, held, number, same
 from gapsense.kernels.emit.constants import HARMLESS_IN_C, split
 from gapsense.kernels.emit.lanes import Lanes
 from gapsense.kernels.emit.printer import Graph, Printer, indexing
@@ -21,6 +21,7 @@ __all__ = [
     "Python",
     "Typed",
     "compiled",
+    "held",
     "indexing",
     "namespace",
     "number",

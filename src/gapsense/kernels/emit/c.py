@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import count
 from typing import Any
 
 from gapsense.kernels.elementary import DOUBLE, FLOAT, FORMULAS, Format
+from gapsense.kernels.emit.cells import cells
 from gapsense.kernels.emit.printer import Graph, Loop, Printer, elementary
-from gapsense.kernels.layout import ARRAYS, fields, names
+from gapsense.kernels.layout import fields, names
 from gapsense.kernels.trace import ARITHMETIC, BOOLEAN, UNARY, Expr, Region, memory_of
 
 WHOLE = (*BOOLEAN, "locate")  # operations that give whole numbers
@@ -45,6 +46,16 @@ WHOLE_NUMBER = """static inline int whole({real} x) { return x >= 0 && x < 10000
 """
 WITHIN = """static inline int within(int k, int size) { return k >= 0 && k < size ? k : 0; }
 """
+
+
+SIGNATURE = """void {name}(real *restrict state, real *const *memory, const real *restrict inputs,
+    const real *restrict {par}, const real *const *tables, const int *table_sizes, real *restrict outputs)
+{{
+    (void)state; (void)memory; (void)inputs; (void){par}; (void)tables; (void)table_sizes; (void)outputs;
+"""
+
+
+FEW = 24  # numbers of a state for which registers are a better place than itself
 
 
 class C(Printer):
@@ -91,15 +102,22 @@ typedef double real;
         own = [f"#ifdef SINGLE\n{single}#else\n{double}#endif\n"] if double else []
         return "\n".join([cls.head, *own, *functions])
 
-    def __init__(self, graph: Graph) -> None:
+    def __init__(self, graph: Graph, tables: Sequence[str] = ()) -> None:
         super().__init__(graph)
         self.whole: set[int] = set()  # variables of loops that are whole numbers
+        self.cells: dict[tuple[int, int], Expr] = {}  # of what an `if` node gives, where in the state it stands
+        self.cell_texts: set[str] = set()
+        self.tables = tables or [entry for entry, symbol in self._entries() if symbol.extra == "table"]  # by place
         self.memory_sizes = {
             symbol.id: self.memory_size(cls, entry)
             for _, cls, symbols in graph.arguments
             for entry, symbol in zip(names(cls), symbols)
             if symbol.extra == "memory"
         }
+
+    def _entries(self) -> Iterator[tuple[str, Expr]]:
+        for _, cls, symbols in self.graph.arguments:
+            yield from zip(names(cls), symbols)
 
     def memory_size(self, cls: type, entry: str) -> int:
         """Numbers of an array memory."""
@@ -120,7 +138,7 @@ typedef double real;
     def operand(self, node: Expr, value: Any) -> str:
         """Text of an operand; a place in a table becomes a number where one is computed with it."""
         is_place = isinstance(value, Expr) and value.op == "locate" and value.op in self.whole_operations
-        is_number = node.op in NUMERIC and not all(map(self._is_whole, node.args[-2:]))
+        is_number = node.op in NUMERIC and not all(map(self.is_whole, node.args[-2:]))
         return f"({self.real}){self.ref(value)}" if is_place and is_number else self.ref(value)
 
     def element(self, node: Expr) -> str:
@@ -132,31 +150,35 @@ typedef double real;
 
     def type_of(self, value: Any) -> str:
         """Type of a value: truth values and places in tables are whole numbers, also where they are chosen from."""
-        return self.truth if self._is_whole(value) else self.real
+        return self.truth if self.is_whole(value) else self.real
 
-    def _is_whole(self, value: Any) -> bool:
+    def is_whole(self, value: Any) -> bool:
+        """Whether a value is a truth value or a place in a table."""
         if not isinstance(value, Expr):
             return isinstance(value, bool)
         if value.op == "where":
-            return all(map(self._is_whole, value.args[1:]))
+            return all(map(self.is_whole, value.args[1:]))
         if value.op == "get":
             holder = value.args[0]
             chosen = [*holder.extra[2].values()][value.extra] if holder.op == "if" else [holder.args[value.extra]]
-            return all(map(self._is_whole, chosen))
+            return all(map(self.is_whole, chosen))
         return value.op in self.whole_operations or value.id in self.whole
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         for kind, whole in (("int", True), (self.real, False)):
-            found = [t for t, x, y in zip(targets, a, b) if (self._is_whole(x) and self._is_whole(y)) is whole]
+            new = [at for at in zip(targets, a, b) if at[0] not in self.cell_texts]
+            found = [t for t, x, y in new if (self.is_whole(x) and self.is_whole(y)) is whole]
             if found:
                 self.write(f"{kind} {', '.join(found)};")
         self.block(f"if ({self.bare(c)}) {{", regions[0], targets, a)
         self.block("} else {", regions[1], targets, b)
+        if self.lines[-1].endswith("} else {"):
+            self.lines.pop()
         self.write("}")
 
     def _start(self, loop: Loop) -> None:
         for target, start, variable in zip(loop.targets, loop.starts, loop.variables):
-            self.whole |= {variable.id} if self._is_whole(start) else set()
+            self.whole |= {variable.id} if self.is_whole(start) else set()
             self.write(f"{self.type_of(start)} {target} = {self.bare(start)};")
 
     def _repeat(self, loop: Loop) -> None:
@@ -178,44 +200,77 @@ typedef double real;
     def source(self) -> str:
         """Text of the function, with the same signature for every kernel.
 
-        `void name(state, memory, inputs, par, tables, table_sizes, state_next, outputs)`: scalars in the order of
-        `names`, array memory (changed in place) and tables apart; `state_next` may be `state`.
+        `void name(state, memory, inputs, par, tables, table_sizes, outputs)`: scalars in the order of `names`, array
+        memory and tables apart.  State and memory are changed in place.  A single record that is made is `outputs`;
+        what follows from the parameters alone takes the place of `par` where it is given.
         """
         for name, cls, symbols in self.graph.arguments:
             self._unpack(name, cls, symbols)
+        self.use_state()
         self.region(self.graph.tape.root)
-        for target, (_, entries) in zip(("state_next", "outputs"), self.graph.results):
-            self._pack(target, entries)
-        signature = (
-            f"void {self.graph.name}(const real *state, real *const *memory, const real *inputs, const real *par,\n"
-            "    const real *const *tables, const int *table_sizes, real *state_next, real *outputs)\n{\n"
-            "    (void)state; (void)memory; (void)inputs; (void)par; (void)tables; (void)table_sizes;\n"
-            "    (void)state_next; (void)outputs;\n"
-        )
-        return signature + "\n".join(self.lines) + "\n}\n"
+        *states, (_, outputs) = self.graph.results
+        self._pack("outputs", outputs)
+        for _, entries in states:
+            self._pack("state", entries)
+        par = next((name for name, _, _ in self.graph.arguments if name == "constants"), "par")
+        return SIGNATURE.format(name=self.graph.name, par=par) + "\n".join(self.lines) + "\n}\n"
+
+    def use_state(self) -> None:
+        """Let values stand in the state, if the function changes one."""
+        state = self.state()
+        if len(state) > FEW and len(self.graph.results) > 1:
+            self.cells = cells(self, state, self.graph.results[0][1], self.is_whole)
+            self.cell_texts = {self.text[symbol.id] for symbol in state}
+
+    def state(self) -> list[Expr]:
+        """The symbols of the state that the function takes."""
+        return [symbol for name, _, symbols in self.graph.arguments if name == "state" for symbol in symbols]
+
+    def holder(self, node: Expr, k: int) -> str:
+        """Name of a value that an `if` node gives: a number of the state where it can stand there."""
+        cell = self.cells.get((node.id, k))
+        return super().holder(node, k) if cell is None else self.text[cell.id]
 
     def _unpack(self, name: str, cls: type, symbols: list[Expr]) -> None:
-        scalars, arrays = count(), count()
+        scalars, memories = count(), count()
         for symbol, entry in zip(symbols, names(cls)):
-            self.text[symbol.id] = text = f"{name}_{entry}"
-            k = next(arrays if symbol.extra in ARRAYS else scalars)
-            if symbol.id not in self.uses:
-                continue
+            text = f"{name}_{entry}"
             if symbol.extra == "memory":
-                self.write(f"real *const {text} = memory[{k}]; (void){text};")
+                line = f"real *const {text} = memory[{next(memories)}]; (void){text};"
             elif symbol.extra == "table":
-                self.write(f"const real *const {text} = tables[{k}];")
-                self.write(f"const int {text}_size = table_sizes[{k}]; (void){text}_size;")
+                k = self.tables.index(entry)
+                line = f"const real *const {text} = tables[{k}]; (void){text};"
+                line += f" const int {text}_size = table_sizes[{k}]; (void){text}_size;"
             else:
-                self.write(f"const real {text} = {name}[{k}];")
+                line, text = "", f"{'(int)' if self.is_whole(symbol) else ''}{name}[{next(scalars)}]"
+            self.text[symbol.id] = text
+            if line and symbol.id in self.uses:
+                self.write(line)
 
     def _pack(self, target: str, entries: list[Any]) -> None:
-        scalars, arrays = count(), count()
+        arrays = count()
         for entry in entries:
             if isinstance(entry, list):
                 self.write(f"for (int k = 0; k < {len(entry)}; k++) memory[{next(arrays)}][k] = R(0.0);")
-            elif memory_of(entry) is None:
-                self.write(f"{target}[{next(scalars)}] = {self.ref(entry)};")
+        numbers = [entry for entry in entries if not isinstance(entry, list) and held(entry) is None]
+        self.put([f"{target}[{k}]" for k in range(len(numbers))], numbers)
+
+    def put(self, targets: list[str], values: list[Any]) -> None:
+        """Print `target = value` for each; values that stand in cells may be exchanged."""
+        texts = [self.bare(value) for value in values]
+        for k, (target, text) in enumerate(zip(targets, texts)):
+            if target != text and text in targets:
+                texts[k] = self.fresh()
+                self.write(f"const {self.real} {texts[k]} = {text};")
+        for target, text in zip(targets, texts):
+            if text != target:
+                self.write(f"{target} = {text};")
+
+
+def held(entry: Any) -> Expr | None:
+    """The argument that a result is: array memory, which changes in place, or a table."""
+    is_table = isinstance(entry, Expr) and entry.op == "in" and entry.extra == "table"
+    return entry if is_table else memory_of(entry)
 
 
 class Typed(C):

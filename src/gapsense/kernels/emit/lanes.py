@@ -12,10 +12,10 @@ from itertools import count
 from typing import Any
 
 from gapsense.kernels.elementary import FORMULAS
-from gapsense.kernels.emit.c import C
+from gapsense.kernels.emit.c import C, held
 from gapsense.kernels.emit.printer import Graph, Loop, Printer, elementary
 from gapsense.kernels.layout import ARRAYS, names
-from gapsense.kernels.trace import BOOLEAN, Expr, Region, memory_of
+from gapsense.kernels.trace import BOOLEAN, Expr, Region
 
 # Numbers that are about the formula, not about the model.
 LITERALS = {text: text for text in ("0.0", "0.5", "1.0", "2.0", "-1.0")} | {
@@ -57,7 +57,7 @@ class Lanes(C):
 
     def expression(self, node: Expr) -> str:
         """Text of an operation; truth values are chosen bit by bit as numbers are, but are of another type."""
-        if node.op == "where" and self._is_whole(node):
+        if node.op == "where" and self.is_whole(node):
             c, a, b = (self.ref(arg) for arg in node.args)
             return f"(({c} & {a}) | (~{c} & {b}))"
         text = super().expression(node)
@@ -96,7 +96,7 @@ class Lanes(C):
         self.write("}")
 
     def _type_of_both(self, a: Any, b: Any) -> str:
-        return self.truth if self._is_whole(a) and self._is_whole(b) else self.real
+        return self.truth if self.is_whole(a) and self.is_whole(b) else self.real
 
     def _chosen(self, kind: str, condition: str, a: str, b: str) -> str:
         return f"choose{'_truth' * (kind == self.truth)}({condition}, {a}, {b})"
@@ -142,10 +142,10 @@ class Lanes(C):
             self.write(f"const Column *const {text} = &block->columns[at[{place}]];")
         elif symbol.id in self.uses:
             value = f"v[at[{place}]]"
-            self.write(f"const {f'M {text} = {value} != 0.0' if self._is_whole(symbol) else f'V {text} = {value}'};")
+            self.write(f"const {f'M {text} = {value} != 0.0' if self.is_whole(symbol) else f'V {text} = {value}'};")
 
     def _give(self, entry: Any, place: int) -> None:
-        if self._is_whole(entry):
+        if self.is_whole(entry):
             self.write(f"v[at[{place}]] = choose({self.ref(entry)}, every(1.0), every(0.0));")
         else:
             self.write(f"v[at[{place}]] = {self.bare(entry)};")
@@ -172,9 +172,3 @@ def _same(name: str) -> str:
 def is_array(entry: Any) -> bool:
     """Whether a result is no number: array memory that begins, or an argument that stays where it is."""
     return isinstance(entry, list) or held(entry) is not None
-
-
-def held(entry: Any) -> Expr | None:
-    """The argument that a result is: array memory, which changes in place, or a table."""
-    is_table = isinstance(entry, Expr) and entry.op == "in" and entry.extra == "table"
-    return entry if is_table else memory_of(entry)

@@ -227,7 +227,7 @@ class Printer(ABC):
     def _node(self, node: Expr) -> None:
         if node.op == "if":
             then, otherwise, outs = node.extra
-            self.holders[node.id] = [self.fresh("c") if k in self.live[node.id] else "" for k in range(len(outs))]
+            self.holders[node.id] = [self.holder(node, k) if k in self.live[node.id] else "" for k in range(len(outs))]
             live = [(self.holders[node.id][k], *[*outs.values()][k]) for k in sorted(self.live[node.id])]
             live = [(target, a, b) for target, a, b in live if memory_of(a) is None]  # array memory changes in place
             targets, a, b = map(list, zip(*live)) if live else ([], [], [])
@@ -242,8 +242,16 @@ class Printer(ABC):
             self.write(self.expression(node) + self.end)
         else:
             text = self.expression(node)
-            is_inline = self.uses[node.id] == 1 and node.id not in self.far and len(text) < LONGEST_INLINE
-            self.text[node.id] = text if is_inline and node.op != "load" else self._let(node, _bare(text))
+            is_inline = self.may_be_inline(node) and len(text) < LONGEST_INLINE
+            self.text[node.id] = text if is_inline else self._let(node, _bare(text))
+
+    def may_be_inline(self, node: Expr) -> bool:
+        """Whether a short expression may be printed where it is needed."""
+        return self.uses[node.id] == 1 and node.id not in self.far and node.op not in ("load", "store")
+
+    def holder(self, node: Expr, k: int) -> str:
+        """Name of a value that an `if` node gives."""
+        return self.fresh("c")
 
     def _loop(self, node: Expr) -> Loop:
         """A loop whose variables have names; array memory changes in place."""
@@ -290,8 +298,9 @@ class Printer(ABC):
 
     def assign(self, targets: list[str], values: list[Any]) -> None:
         """Print `target = value` for each."""
-        for target, value in zip(targets, values):
-            self.write(f"{target} = {self.bare(value)}{self.end}")
+        for target, text in zip(targets, map(self.bare, values)):
+            if text != target:
+                self.write(f"{target} = {text}{self.end}")
 
     def block(self, opening: str, region: Region, targets: list[str], values: list[Any]) -> None:
         """Print a branch: its nodes, and the values it gives."""

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.kernels.emit import Graph, Lanes, Numpy, compiled
-from gapsense.kernels.emit.lanes import held
+from gapsense.kernels.emit.c import held
 
 Row: TypeAlias = tuple[Any, ...]
 NUMBERS = "numbers"  # the column of plain numbers, the same for all runs

@@ -36,7 +36,7 @@ typedef struct {
     const Matrix *matrices;
     int matrix_count;
     const Motion *motion; /* NULL: nothing is smoothed */
-    Kernel *kernel; /* writes the matrices in place of a new state */
+    Kernel *kernel; /* writes the matrices in place of outputs */
 } Arrays;
 
 enum {

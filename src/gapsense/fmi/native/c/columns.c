@@ -53,7 +53,7 @@ int is_table_changed(const State *s, const Table *t)
 void matrix_entries(const State *s, const Matrix *m, double *to)
 {
     double entries[MOST_ENTRIES], *next = entries + m->first;
-    arrays.kernel(s->kernel, s->memory, NULL, s->par, (const double *const *)s->tables, s->sizes, entries, NULL);
+    arrays.kernel(s->kernel, s->memory, NULL, s->par, (const double *const *)s->tables, s->sizes, entries);
     for (int i = 0; i < m->size; i++)
         for (int j = i; j < m->size; j++)
             to[i * m->size + j] = to[j * m->size + i] = *next++;

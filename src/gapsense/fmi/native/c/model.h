@@ -74,8 +74,9 @@ typedef struct {
     double least, most;
 } Wholes;
 
-typedef void Kernel(const double *state, double *const *memory, const double *inputs, const double *par,
-                    const double *const *tables, const int *table_sizes, double *state_next, double *outputs);
+typedef void Kernel(double *restrict state, double *const *memory, const double *restrict inputs,
+                    const double *restrict par, const double *const *tables, const int *table_sizes,
+                    double *restrict outputs);
 
 typedef struct {
     const char *name, *guid, *build;
@@ -98,7 +99,8 @@ typedef struct {
     int memory_count;
     const Wholes *wholes;
     int whole_count;
-    Kernel *initial, *step;
+    int constant_count;
+    Kernel *initial, *constants, *advance; /* what follows from parameters alone is computed once, and stands for them */
 } Model;
 
 extern const Model model;

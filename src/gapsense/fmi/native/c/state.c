@@ -12,7 +12,7 @@ static size_t block_size(void)
     size_t size = CLOCK + (size_t)model.port_count + (size_t)model.par_count + (size_t)model.state_count;
     for (int k = 0; k < model.memory_count; k++)
         size += (size_t)model.memory_sizes[k];
-    return size + motion_size();
+    return size + motion_size() + (size_t)model.constant_count;
 }
 
 /* Room for the numbers and tables of fixed count; one place more, so that there is always one. */
@@ -39,6 +39,7 @@ static void divide(State *s)
         next += model.memory_sizes[k];
     }
     s->motion = next;
+    s->constants = next + motion_size();
 }
 
 State *state_new(void)

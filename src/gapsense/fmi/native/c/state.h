@@ -24,7 +24,8 @@ typedef struct {
     double **columns; /* as arrays give them, by value reference of what else names a file, column after column, */
     int *rows; /* and how many of these; 0: they were not given */
     int is_configuring; /* FMI 3.0: an instantiated one in the configuration mode */
-    double *motion;     /* in the block: what `motion.c` keeps */
+    double *motion;     /* in the block: what `motion.c` keeps, */
+    double *constants;  /* and what the kernel makes of parameters and tables */
 } State;
 
 State *state_new(void); /* as at instantiation; NULL without memory */

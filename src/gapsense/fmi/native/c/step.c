@@ -53,13 +53,14 @@ static Status publish(Instance *i)
     return REFUSED;
 }
 
-static Status compute(Instance *i, Kernel *kernel, double time, double dt)
+/* `par` is what the kernel takes: parameters, or what follows from them. */
+static Status compute(Instance *i, Kernel *kernel, const double *par, double time, double dt)
 {
     State *s = i->state;
     if (take_inputs(i))
         return REFUSED;
-    kernel(s->kernel, s->memory, kernel_inputs(s, time, dt), s->par, (const double *const *)s->tables, s->sizes,
-           s->kernel, i->outputs);
+    kernel(s->kernel, s->memory, kernel_inputs(s, time, dt), par, (const double *const *)s->tables, s->sizes,
+           i->outputs);
     return publish(i);
 }
 
@@ -79,7 +80,7 @@ Status instance_initialize(Instance *i)
     take_parameters(s);
     s->period = model.sample_time < 0 ? 0.0 : s->values[model.sample_time];
     s->elapsed = 0.0;
-    if (compute(i, model.initial, s->start_time, 0.0))
+    if (compute(i, model.initial, s->par, s->start_time, 0.0))
         return REFUSED;
     s->is_due = 0;
     return FINE;
@@ -129,7 +130,7 @@ static Status sample(Instance *i, double end, double step)
         return REFUSED;
     memcpy(i->before, s->values + model.inputs, size);
     for (double k = count - 1.0; k >= 0.0; k -= 1.0)
-        if (compute(i, model.step, end - k * s->period, s->period)) {
+        if (compute(i, model.advance, s->constants, end - k * s->period, s->period)) {
             memcpy(s->values + model.inputs, i->before, size);
             return REFUSED;
         }
@@ -141,9 +142,9 @@ static Status advance(Instance *i, double end, double step)
 {
     const State *s = i->state;
     if (s->period == 0.0)
-        return compute(i, model.step, end, step);
+        return compute(i, model.advance, s->constants, end, step);
     if (step == s->period && s->elapsed == 0.0)
-        return compute(i, model.step, end, s->period);
+        return compute(i, model.advance, s->constants, end, s->period);
     return sample(i, end, step);
 }
 

@@ -145,6 +145,7 @@ void take_parameters(State *s)
         if (!port->columns)
             s->par[port->place] = port->choices ? (double)choice_of(port, s->texts[k]) : s->values[k];
     }
+    model.constants(NULL, NULL, NULL, s->par, (const double *const *)s->tables, s->sizes, s->constants);
 }
 
 /* The kernel looks into all tables of a port at the places of the first, which does not decrease. */
