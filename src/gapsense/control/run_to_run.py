@@ -298,30 +298,34 @@ FASTEST = 1e3  # impact speed that can be [m/s]
 IDLE, LEARNING, TRACKING, SHORT, BACK, OPEN = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0  # states
 
 
+def _first(par: Parameters) -> Running:
+    """The open actuator before the first command."""
+    return Running(
+        command=OPENING,
+        age=0.0,
+        is_plain=1.0,
+        start_flux=0.0,
+        speed=par.approach_first,
+        travel=par.opening_travel,
+        learnt=vector([*believed(par), 0.0, 0.0, 0.0, 0.0]),
+        balance_flux=0.0,
+        wanted=0.0,
+        limited=0.0,
+        since_limit=0.0,
+        due=0.0,
+        is_judged=1.0,
+        last_age=0.0,
+        last_is_judged=1.0,
+        strain=0.0,
+        drawn_till_told=0.0,
+    )
+
+
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Open, without flux; nothing happens before the first command."""
-    learnt = vector([*believed(par), 0.0, 0.0, 0.0, 0.0])
     state = State(
         coil=first_coil(inputs, par),
-        running=Running(
-            command=OPENING,
-            age=0.0,
-            is_plain=1.0,
-            start_flux=0.0,
-            speed=par.approach_first,
-            travel=par.opening_travel,
-            learnt=learnt,
-            balance_flux=0.0,
-            wanted=0.0,
-            limited=0.0,
-            since_limit=0.0,
-            due=0.0,
-            is_judged=1.0,
-            last_age=0.0,
-            last_is_judged=1.0,
-            strain=0.0,
-            drawn_till_told=0.0,
-        ),
+        running=_first(par),
         heard=Heard(last_mode=inputs.mode, began=0.0, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
         course=Pass(
             half=0.0, left=0.0, at=0.0, last=-1.0, landed=0.0, correction=0.0, impact=0.0, motion=vector([0.0] * 10)

@@ -4,8 +4,9 @@ A mover that hits a stop is suddenly slower, or moves back. So the slope of the 
 reluctance times the flux linkage times the change of the speed. A contact that closes only after the bounce does not
 show this impact.
 
-The kink is looked for in every window of `TAPS` readings, by a fit of two lines that meet in the middle. If a motion
-that lands has a kink of the right sign and size near its stop, it has landed there.
+The kink is looked for in every window of `TAPS` readings, by a fit of two lines that meet in the middle, where the
+voltage has not jumped for a while. If a motion that lands has a kink of the right sign and size near its stop, it has
+landed there.
 
 Such a landing gives the coefficient of restitution. Where the spring drives the mover the kink is too small. There the
 restitution says how long before the contact the first impact was.
@@ -37,6 +38,7 @@ from gapsense.kernels.trace import clip, cond, fabs, loop, not_, sqrt, square, w
 
 SIDE = 7  # samples on each side of a kink
 TAPS = 2 * SIDE + 1
+SETTLING = 20.0  # samples after a jump of the voltage in which eddy currents bend the current as an impact does
 CLEAR = 4.0  # standard deviations of a kink that is none of noise
 SURE = 10.0  # the same where the spring drives the mover, and of one that would have shown
 HARD = 0.3  # least energy of the mover at an impact that the current tells, over what the spring takes along the stroke
@@ -66,7 +68,7 @@ class Kink(NamedTuple):
     """What the current has told of the motion so far."""
 
     currents: Annotated[Array, Vector(TAPS)]  # last readings, newest first [A]
-    steady: Annotated[Scalar, Count]  # how many of them were not lost, with a voltage that did not jump
+    steady: Annotated[Scalar, Count]  # samples without a loss or a jump of the voltage; a motion begins with some
     size: Scalar  # the clearest kink [A per sample]; 0: none
     flight: Annotated[Scalar, Count]  # samples of the motion before it
     arrival: Annotated[Scalar, Count]  # samples of the motion before the estimate reached the stop; 0: it did not
@@ -101,7 +103,7 @@ class Settling(NamedTuple):
 def nothing() -> Kink:
     """No reading."""
     return Kink(
-        currents=vector([0.0] * TAPS), steady=0.0, size=0.0, flight=0.0, arrival=0.0, beyond=0.0, was_steady=1.0
+        currents=vector([0.0] * TAPS), steady=SETTLING, size=0.0, flight=0.0, arrival=0.0, beyond=0.0, was_steady=1.0
     )
 
 
@@ -125,7 +127,7 @@ def sought(
         jump = m.T_s * (now.voltage - before.voltage) * shifted[0]  # of the current's slope, times the flux linkage
         is_steady = is_read & (fabs(jump) <= SPREAD * noise * fabs(lam))
         steady = where(is_steady, kink.steady + 1.0, 0.0)
-        can_see = (steady >= TAPS) & (motion.count >= TAPS)
+        can_see = (steady >= TAPS + SETTLING) & (motion.count >= TAPS)
         slope = total(w * i for w, i in zip(KINK, shifted))
         size = where(lam * (z - z_prev) < 0.0, slope, -slope)
         is_large = can_see & (size > kink.size) & (size >= CLEAR * SPREAD * noise)
