@@ -166,6 +166,17 @@ def test_reluctance_of_a_seated_mover_follows_what_is_nearer_at_once_and_what_is
     assert bend.arrived(state, 0.9 * seated, PAR)[2] == pytest.approx(0.91 * seated)
 
 
+def test_opening_that_stops_shorter_each_time_is_told():
+    """By 1 % of the reluctance: that of a seated mover must not go with it."""
+    state = whole(hit(OPENING, 0.1, 200.0))
+    _, _, seated = bend.arrived(state, 0.0, PAR)
+    told = []
+    for short in np.arange(0.0, 0.25, 0.01):
+        _, is_absent, seated = bend.arrived(state._replace(charges=(1.0 - short) * state.charges), seated, PAR)
+        told.append(is_absent)
+    assert not any(told[:10]) and all(told[20:])
+
+
 def test_bend_where_hardly_any_flux_linkage_is_left_is_no_hit():
     """The voltage ends there, and current over flux linkage is noise."""
     state = hit(OPENING, 0.9)

@@ -29,16 +29,15 @@ LARGE = 0.5  # of the flux linkage that balances the spring at first: with less 
 LATEST = 1e-3  # time after the planned arrival in which a stop is still heard without a contact [s]
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
-APART = 0.12  # of the reluctance of a seated mover: beyond this, and noise, a closing has not arrived in time
+APART = 0.12  # of the reluctance of a seated mover: beyond this, and noise, it has not arrived in time
 BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
-AJAR = 0.75  # of the reluctance of an open one: an opening below has not arrived in time
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 CORE, BEYOND = 0.4, 0.66  # share of a bend that makes it the core's; a bend that is a hit for all that [m/s]
 CORE_ALONE, BEYOND_ALONE = 0.6, 0.9  # the same without a contact, whose bounds of a hit are higher
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
-FOLLOW = 0.1  # share by which that follows a mover that seems farther away
+FOLLOW = (0.1, 0.02)  # share by which that of closings, of openings follows a mover that seems farther away
 UNKNOWN = 1e3  # error of what was not measured
 
 
@@ -142,13 +141,13 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     error = wandering(state.coil, par) / _large(
         load(state.fluxes, running.command * LONGEST + where(is_told, running.due, 0.0))
     )
-    apart = 1.0 + APART + VAGUE * where(error < FAR, error, FAR)
-    is_elsewhere = where(is_closing, found > apart * seated, found < AJAR * seated)
+    apart = APART + VAGUE * where(error < FAR, error, FAR)
+    is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, found < (1.0 - apart) * seated)
     is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
     is_beside = (seated <= 0.0) | (is_told & (found < BESIDE * seated))
     is_there = is_early & where(is_closing, (early < CLOSED) & is_beside, early > OPENED) & not_(is_absent)
     is_better = (seated <= 0.0) | where(is_closing, found < seated, found > seated)
-    follows = where(is_better, found, seated + FOLLOW * (found - seated))
+    follows = where(is_better, found, seated + where(is_closing, *FOLLOW) * (found - seated))
     return is_there, is_absent, where(is_told & not_(is_absent), follows, seated)
 
 
