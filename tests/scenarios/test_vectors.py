@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scenarios_of_ours
+from measured import largest
 from scenarios_of_ours import read
 
 from gapsense import campaign, cosim
@@ -192,10 +193,6 @@ def test_runs_differ_in_parameters_and_in_what_happens_to_them(fmus, tmp_path, m
     file = tmp_path / "valve" / "scenario.toml"
     file.write_text(VALVE.replace("METHOD", f'method = "{method}"'), encoding="utf-8")
     assert differing(fmus, file, None, runs=19) == []
-
-
-def largest(result):
-    return {"largest": float(np.max(np.abs(result["valve.position"])))}
 
 
 def test_sweep_has_the_same_numbers_and_signals(fmus, tmp_path):
