@@ -89,7 +89,7 @@ STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its cu
 CREEPING = 0.05  # of a voltage that is held: the rate of the model's flux linkage with which a coil is not settled yet
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
 ZEROED, MEAN = 5.0, 0.5  # deviations by which a zero is another one, which is taken at once; else a share
-LONGEST_REST = 256.0  # samples of which its mean is
+LONGEST_REST, LATE = 256.0, 3.0  # samples of which its mean is; power of time by which the later ones weigh more
 LASTING = 2e-3  # of too large innovations until feedback begins or gives up; of rest until it ends [s]
 AT_FIRST = (2e-3, 0.5e-3, 0.5)  # first deviations of flux linkage, position, velocity there [Wb], [m], [m/s]
 FLUX, SPEED = 67e-6, 0.45  # deviations that come to flux linkage and velocity in a second [Wb/s^0.5], [m/s^1.5]
@@ -458,7 +458,7 @@ def _hold(before: Held, u: Scalar, i: Scalar, par: Parameters) -> Held:
         held=where(changes, 0.0, before.held + 1.0),
         held_voltage=before.held_voltage + share * (u - before.held_voltage),
         held_current=before.held_current + share * (i - before.held_current),
-        rest_current=before.rest_current + (i - before.rest_current) / rests,
+        rest_current=before.rest_current + (LATE + 1.0) / (rests + LATE) * (i - before.rest_current),
         held_creep=before.held_creep + share * (before.held_rate - before.held_creep),
         held_drift=before.held_drift + share * (i - before.held_current - before.held_drift),
     )
@@ -468,7 +468,8 @@ def _change_level(before: Held, u: Scalar, par: Parameters) -> Held:
     """What the voltage that was held has told, when another one begins."""
     R, is_long = _settled_resistance(before, par), before.held >= par.window_tail / par.sample_time
     is_off, change = is_long & (fabs(before.held_voltage) < par.edge), before.rest_current - before.zero
-    is_other = fabs(change) > ZEROED * par.noise_current / sqrt(_rests(before, par))
+    weight = (LATE + 1.0) / sqrt((2.0 * LATE + 1.0) * _rests(before, par))  # of the noise of a reading
+    is_other = fabs(change) > ZEROED * weight * par.noise_current
     return before._replace(
         held_level=u,
         held_resistance=where(R > 0.0, R, before.held_resistance),
