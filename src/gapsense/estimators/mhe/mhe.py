@@ -88,7 +88,7 @@ from gapsense.kernels.trace import clip, cond, fabs, flag, floor, is_set, load, 
 STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its current in the time of its mean
 CREEPING = 0.05  # of a voltage that is held: the rate of the model's flux linkage with which a coil is not settled yet
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
-ZEROED, MEAN = 5.0, 0.5  # deviations by which a zero is another one, which is taken at once; else a share
+ZEROED, MEAN = 4.0, 0.5  # deviations by which a zero is another one, which is taken at once; else a share
 LONGEST_REST, LATE = 256.0, 3.0  # samples of which its mean is; power of time by which the later ones weigh more
 LASTING = 2e-3  # of too large innovations until feedback begins or gives up; of rest until it ends [s]
 AT_FIRST = (2e-3, 0.5e-3, 0.5)  # first deviations of flux linkage, position, velocity there [Wb], [m], [m/s]
