@@ -114,6 +114,8 @@ def test_current_tells_whether_an_operation_has_arrived(half):
     assert bend.arrived(stays, seated, PAR) == (False, True, seated)
     cut = ended._replace(running=ended.running._replace(age=200.0))
     assert bend.arrived(cut, seated, PAR) == (False, False, seated)
+    dead = ended._replace(fluxes=0.1 * ended.fluxes)  # no voltage has come: nothing holds a mover
+    assert bend.arrived(dead, seated, PAR)[:2] == (False, half == CLOSING)
 
 
 def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_landings():

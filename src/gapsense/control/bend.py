@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from gapsense.control import laws
 from gapsense.control.coil import open_flux, wandering
-from gapsense.control.mover import gap_slopes, make_mover
+from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import planned
@@ -38,6 +38,7 @@ CORE_ALONE, BEYOND_ALONE = 0.6, 0.9  # the same without a contact, whose bounds 
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
 FOLLOW = (0.1, 0.02)  # share by which that of closings, of openings follows a mover that seems farther away
+HELD = 0.5  # of the flux linkage that balances the spring at the lower stop: with less no mover stays there
 UNKNOWN = 1e3  # error of what was not measured
 
 
@@ -144,6 +145,8 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     apart = APART + VAGUE * where(error < FAR, error, FAR)
     is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, found < (1.0 - apart) * seated)
     is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
+    last = load(state.fluxes, running.command * LONGEST + where(running.age < LONGEST, running.age, LONGEST) - 1.0)
+    is_absent = is_absent | (is_closing & (square(last) < square(HELD) * balance(m.gap.smallest, m)))
     is_beside = (seated <= 0.0) | (is_told & (found < BESIDE * seated))
     is_there = is_early & where(is_closing, (early < CLOSED) & is_beside, early > OPENED) & not_(is_absent)
     is_better = (seated <= 0.0) | where(is_closing, found < seated, found > seated)
