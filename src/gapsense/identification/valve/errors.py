@@ -303,6 +303,7 @@ def _correlate(W: Matrix, length: float) -> Matrix:
 
 WITHIN = 0.5  # of the growth of the resistance from operation to operation: how well that within one is known
 STEPPED = 0.015  # delay that the steps of the model make, of a sample
+CHANCE = 1.7  # over the root of the samples: residuals over their noise, beyond 1, by chance (two standard deviations)
 
 
 class Uncertainty(NamedTuple):
@@ -320,6 +321,7 @@ class Doubts(NamedTuple):
 
     misfits: Sequence[float] = ()  # RMS of what noise does not explain of each experiment [A]
     causes: Mapping[str, float] = {}  # standard errors of their values, which the residual need not show
+    unseen: Collection[str] = ()  # causes that may be there, but were not seen: they may be as large as their errors
 
 
 def uncertainty(
@@ -334,7 +336,7 @@ def uncertainty(
     The places of edges are the last of these; their errors are in those of all else, but not told.
     """
     doubts = doubts or Doubts()
-    hidden = [name for name in HIDDEN if doubts.causes.get(name)]
+    hidden = [name for name in HIDDEN if doubts.causes.get(name) or name in doubts.unseen]
     known = (*fitted, *["eddy"] * ("core_eddy" in form.fitted))
     if all(o.held for e in experiments for o in e.operations):
         known = (*known, "series")  # which nothing tells from the coil's while this is on all the time
@@ -358,6 +360,9 @@ def uncertainty(
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
         cov = cov + np.outer(shift, shift)
+    for name, error in zip(others, errors.tolist()):
+        if name in doubts.unseen:
+            cov = cov + np.outer(shift := error * sizes[name] * moved[name], shift)
     T, names, causes = reported(form, fitted), [*form.fitted], [name for name in fitted if not is_place(name)]
     told, kept = T @ cov @ T.T, parameters_of(form)
     std: Vector = np.sqrt(np.diag(told))
@@ -400,12 +405,15 @@ def parameters_of(form: Form) -> list[int]:
     return [k for k, name in enumerate(form.fitted) if name != FACTOR and not name.startswith(SHAPE)]
 
 
-def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[str, float]) -> Doubts:
-    """What the residuals of records have beyond noise, if the model does not explain them, and what stays hidden.
+def doubts(
+    prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[str, float], unseen: Collection[str] = ()
+) -> Doubts:
+    """What the residuals of records have beyond noise and chance, and what stays hidden.
 
-    `accuracy` has relative standard errors of the scales of voltage and current.
+    `accuracy` has relative standard errors of the scales of voltage and current; see `Doubts.unseen`.
     """
-    misfits = [0.0 if r.is_explained else np.sqrt(max(r.rms**2 - r.noise**2, 0.0)) for r in residuals]
+    chances = [1.0 + CHANCE / e.current.size**0.5 for e in prepared.experiments]
+    misfits = [np.sqrt(max(r.rms**2 - (by * r.noise) ** 2, 0.0)) for r, by in zip(residuals, chances)]
     signals = {"offset": "current", "shift": "voltage"}
     rest = [remaining(record) for record in prepared.records]
     errors = {cause: rms(np.array([found.get(name, 0.0) for found in rest])) for cause, name in signals.items()}
@@ -416,8 +424,9 @@ def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[
     }
     drift = {"drift": rms(x) if (x := np.concatenate(changes)).size else 0.0}
     carriers = prepared.carriers
-    means = {"switched": max(c.doubt for c in carriers), "delay": max(c.late for c in carriers)} if carriers else {}
-    return Doubts(misfits, errors | drift | drops | means | {**accuracy})
+    means = {"delay": STEPPED * max(record.dt for record in prepared.records)}
+    means |= {"switched": max(c.doubt for c in carriers), "delay": max(c.late for c in carriers)} if carriers else {}
+    return Doubts(misfits, errors | drift | drops | means | {**accuracy}, unseen)
 
 
 def _beyond_noise(
