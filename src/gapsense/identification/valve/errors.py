@@ -321,7 +321,6 @@ class Doubts(NamedTuple):
 
     misfits: Sequence[float] = ()  # RMS of what noise does not explain of each experiment [A]
     causes: Mapping[str, float] = {}  # standard errors of their values, which the residual need not show
-    unseen: Collection[str] = ()  # causes that may be there, but were not seen: they may be as large as their errors
 
 
 def uncertainty(
@@ -336,7 +335,7 @@ def uncertainty(
     The places of edges are the last of these; their errors are in those of all else, but not told.
     """
     doubts = doubts or Doubts()
-    hidden = [name for name in HIDDEN if doubts.causes.get(name) or name in doubts.unseen]
+    hidden = [name for name in HIDDEN if doubts.causes.get(name)]
     known = (*fitted, *["eddy"] * ("core_eddy" in form.fitted))
     if all(o.held for e in experiments for o in e.operations):
         known = (*known, "series")  # which nothing tells from the coil's while this is on all the time
@@ -360,9 +359,6 @@ def uncertainty(
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
         cov = cov + np.outer(shift, shift)
-    for name, error in zip(others, errors.tolist()):
-        if name in doubts.unseen:
-            cov = cov + np.outer(shift := error * sizes[name] * moved[name], shift)
     T, names, causes = reported(form, fitted), [*form.fitted], [name for name in fitted if not is_place(name)]
     told, kept = T @ cov @ T.T, parameters_of(form)
     std: Vector = np.sqrt(np.diag(told))
@@ -405,12 +401,10 @@ def parameters_of(form: Form) -> list[int]:
     return [k for k, name in enumerate(form.fitted) if name != FACTOR and not name.startswith(SHAPE)]
 
 
-def doubts(
-    prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[str, float], unseen: Collection[str] = ()
-) -> Doubts:
+def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[str, float]) -> Doubts:
     """What the residuals of records have beyond noise and chance, and what stays hidden.
 
-    `accuracy` has relative standard errors of the scales of voltage and current; see `Doubts.unseen`.
+    `accuracy` has relative standard errors of the scales of voltage and current.
     """
     chances = [1.0 + CHANCE / e.current.size**0.5 for e in prepared.experiments]
     misfits = [np.sqrt(max(r.rms**2 - (by * r.noise) ** 2, 0.0)) for r, by in zip(residuals, chances)]
@@ -424,9 +418,8 @@ def doubts(
     }
     drift = {"drift": rms(x) if (x := np.concatenate(changes)).size else 0.0}
     carriers = prepared.carriers
-    means = {"delay": STEPPED * max(record.dt for record in prepared.records)}
-    means |= {"switched": max(c.doubt for c in carriers), "delay": max(c.late for c in carriers)} if carriers else {}
-    return Doubts(misfits, errors | drift | drops | means | {**accuracy}, unseen)
+    means = {"switched": max(c.doubt for c in carriers), "delay": max(c.late for c in carriers)} if carriers else {}
+    return Doubts(misfits, errors | drift | drops | means | {**accuracy})
 
 
 def _beyond_noise(

@@ -351,11 +351,10 @@ def _conclude(fit: Fit, at: Found, beginning: Beginning, accuracy: Mapping[str, 
     par = replace_values(form.at(ratios), coil_resistance=pooled_resistance(experiments))
     models = [simulate_experiment(par, e) for e in experiments]
     left = [residual(record, m, e.first) for record, m, e in zip(prepared.records, models, experiments)]
-    tried = {name for trial in beginning.trials for name in trial.form.added}
     return Identified(
         parameters=par,
         form=form,
-        uncertainty=uncertainty(form, ratios, experiments, doubts(prepared, left, accuracy, tried), causes),
+        uncertainty=uncertainty(form, ratios, experiments, doubts(prepared, left, accuracy), causes),
         cost=fit.cost(ratios, experiments),
         starts=beginning.starts,
         evaluations=round(fit.samples / sum(e.current.size for e in experiments)),

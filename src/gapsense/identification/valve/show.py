@@ -186,6 +186,11 @@ PWM = (
     " only, which is in the standard errors. Where that leaves more than noise, record means of intervals, or without"
     " PWM; `gapsense commission` seeks the place of every edge."
 )
+LOUD = 4e-3  # noise, of the largest current, that hides losses which move turns and core
+UNSEEN = (
+    "Of the losses of a core, {} were not seen, but noise of {:.2g} % of the largest current may hide some, or flux"
+    " that was left before the record. Then turns and core are further off than stated, above all with short strokes."
+)
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
@@ -295,6 +300,10 @@ def remarks(result: Identified) -> list[str]:
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     said += explanations(result)
+    noise = max(r.noise / float(np.abs(m.current).max()) for r, m in zip(result.residuals, result.models))
+    unseen = {name for t in result.trials for name in t.form.added} & {"eddy", "hysteresis"} - {*result.form.added}
+    if result.is_explained and unseen and noise > LOUD:
+        said.append(UNSEEN.format(" and ".join(sorted(unseen)), 100.0 * noise))
     for name in result.at_bounds:
         said.append(
             f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess, so"
