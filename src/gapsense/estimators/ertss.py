@@ -48,7 +48,7 @@ from gapsense.estimators.reduced_model import (
 )
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import output, parameter, part, ports, same
-from gapsense.kernels.layout import Array, Covariance, Memory, Scalar, Vector, flat, names, record, zeros
+from gapsense.kernels.layout import Array, Covariance, Memory, Scalar, Vector, blank, flat, names, record, zeros
 from gapsense.kernels.trace import clip, cond, fabs, load, store, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
@@ -170,14 +170,11 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """As in `ekf`; no operation has ended."""
     filtered, outputs = ekf.initial(_measured(inputs), par.filter)
     now = outputs.estimates
-    rest = Shown(
+    rest = blank(
+        Shown,
         smoothed_position=now.position,
-        smoothed_velocity=0.0,
         smoothed_flux_linkage=now.flux_linkage,
-        smoothed_current_error=0.0,
         smoothed_force_error=now.force_error,
-        smoothed_position_std=0.0,
-        smoothed_velocity_std=0.0,
     )
     last = Operation(
         takeoff_time=inputs.time, landing_time=inputs.time, impact_speed=0.0, bounces=0.0, rest_time=inputs.time

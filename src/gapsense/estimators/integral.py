@@ -23,7 +23,7 @@ from gapsense.estimators.readings import (
     most_current,
 )
 from gapsense.kernels.interface import option, output, parameter, ports, sample_time
-from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, zeros
+from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where
 
 EDGE = 0.25  # of the highest voltage of late: more begins an operation
@@ -118,27 +118,18 @@ class Sample(NamedTuple):
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Sums zero, iota_0 registered."""
     u, i, found = _readings(0.0, 0.0, inputs, par)
-    state = State(
+    state = blank(
+        State,
         resistance=par.prior_resistance,
-        voltage_sum=0.0,
-        current_sum=0.0,
-        count=0.0,
         current=i,
         voltage=u,
         highest=u,
         is_on=where(u > _level(u, par), 1.0, 0.0),
         is_lost=1.0 - found.health,
-        losses=0.0,
-        kept=0.0,
         start=inputs.time,
-        half=0.0,
-        last_count=0.0,
         last_start=inputs.time,
         before=i,
         last_before=i,
-        voltage_sums=zeros(SPARE + 1),
-        current_sums=zeros(SPARE + 1),
-        currents=zeros(SPARE + 1),
     )
     return state, Outputs(
         resistance=par.prior_resistance,

@@ -14,12 +14,12 @@ from collections.abc import Sequence
 
 from gapsense.estimators.monitor.records import (
     PHASES,
-    VALUES,
     Baseline,
     Course,
     Evidence,
     Inputs,
-    Kept,
+    KeptMeans,
+    KeptValues,
     Learnt,
     Moved,
     Operation,
@@ -36,7 +36,7 @@ from gapsense.estimators.monitor.records import (
 from gapsense.estimators.monitor.signatures import CAUSES, COLDER, GRADUAL, SUDDEN, Signature, direction
 from gapsense.estimators.readings import INNOVATION, can_be_read
 from gapsense.kernels.elementary import exp, log
-from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.layout import Array, Scalar, blank, flat, names
 from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, square, when, where
 
@@ -65,15 +65,15 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     values = baseline.healthy
     state = State(
         baseline=baseline,
-        usually=Usual(vector([0.0] * 2 * PHASES), vector([0.0] * 2 * PHASES)),
+        usually=blank(Usual),
         operation=_begin(inputs, 0.0)._replace(is_commanded=0.0),
-        course=Course(
+        course=blank(
+            Course,
             verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
-            profile=vector([0.0] * 2 * PHASES),
             sound=values,
         ),
         learnt=Learnt(
-            solved=inputs.windows, values=values, quick=values, slow=values, wandering=vector([1.0] * VALUES)
+            solved=inputs.windows, values=values, quick=values, slow=values, wandering=vector([1.0] * len(values))
         ),
         evidence=NONE,
         since=NONE - 1.0,
@@ -83,7 +83,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample; one that is not of numbers, but for the current, is left out."""
-    others = total(x for name, x in inputs._asdict().items() if name != "current")
+    others = total(x for name, x in zip(names(Inputs), flat(inputs)) if name != "current")
     state = when(fabs(others) < math.inf, lambda state: _sample(state, inputs, par), state)
     return state, _outputs(state)
 
@@ -103,16 +103,7 @@ def _sample(state: State, inputs: Inputs, par: Parameters) -> State:
 
 
 def _begin(inputs: Inputs, last: Scalar) -> Operation:
-    nothing = vector([0.0] * PHASES)
-    return Operation(
-        command=flag(inputs.command > 0.5),
-        began=inputs.time,
-        sums=nothing,
-        counts=nothing,
-        charges=nothing,
-        samples=nothing,
-        last=last,
-    )
+    return blank(Operation, command=flag(inputs.command > 0.5), began=inputs.time, last=last, is_commanded=1.0)
 
 
 def _go_on(before: Operation, usually: Usual, inputs: Inputs, par: Parameters) -> Operation:
@@ -320,10 +311,8 @@ def _learn(state: State, inputs: Inputs, par: Parameters) -> State:
 
 def _note(state: State, inputs: Inputs, par: Parameters) -> State:
     """What a good window has taught goes into the baseline, or is compared with it (3)."""
-    first = Inputs._fields.index("resistance")
-    found, deviations = inputs[first : first + VALUES], inputs[first + VALUES : first + 2 * VALUES]
-    values = vector([log(where(x > LEAST, x, LEAST)) for x in found])
-    shares = vector([s / where(x > LEAST, x, LEAST) + LEAST for s, x in zip(deviations, found)])
+    values = vector([log(where(x > LEAST, x, LEAST)) for x in inputs.values])
+    shares = vector([s / where(x > LEAST, x, LEAST) + LEAST for s, x in zip(inputs.deviations, inputs.values)])
     is_learning = state.course.verdict == Verdict.learning
     state = when(is_learning, lambda state: _lay(state, values, inputs, par), state)
     old, base = state.learnt, state.baseline.healthy
@@ -442,15 +431,13 @@ def where_all(c: Scalar, a: Array, b: Array) -> Array:
 
 def _given(par: Parameters) -> Baseline:
     """The baseline of an earlier run; none with fewer windows than make one."""
-    first = Parameters._fields.index("baseline_size")
-    size, *rest = par[first:]
     is_whole = par.baseline_windows >= par.learn_windows
-    given = vector([where(is_whole, x, 0.0) for x in rest])
+    usual, healthy = (vector([where(is_whole, x, 0.0) for x in given]) for given in (par.means, par.values))
     return Baseline(
         taught=where(is_whole, par.baseline_windows, 0.0),
-        usual_size=where(is_whole, size, 0.0),
-        usual=given[: 2 * PHASES],
-        healthy=given[2 * PHASES :],
+        usual_size=where(is_whole, par.baseline_size, 0.0),
+        usual=usual,
+        healthy=healthy,
     )
 
 
@@ -472,5 +459,8 @@ def _outputs(state: State) -> Outputs:
         profile=Profile(*course.profile),
         moved=Moved(*moved),
         trend=Trend(*(PER / lag * (learnt.quick - learnt.slow))),
-        kept=Kept(baseline.taught, baseline.usual_size, *baseline.usual, *baseline.healthy),
+        baseline_windows=baseline.taught,
+        baseline_size=baseline.usual_size,
+        kept_means=KeptMeans(*baseline.usual),
+        kept_values=KeptValues(*baseline.healthy),
     )
