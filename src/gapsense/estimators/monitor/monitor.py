@@ -14,6 +14,7 @@ from collections.abc import Sequence
 
 from gapsense.estimators.monitor.records import (
     PHASES,
+    VALUES,
     Baseline,
     Course,
     Evidence,
@@ -36,7 +37,7 @@ from gapsense.estimators.monitor.records import (
 from gapsense.estimators.monitor.signatures import CAUSES, COLDER, GRADUAL, SUDDEN, Signature, direction
 from gapsense.estimators.readings import INNOVATION, can_be_read
 from gapsense.kernels.elementary import exp, log
-from gapsense.kernels.layout import Array, Scalar, blank, flat, names
+from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, square, when, where
 
@@ -73,7 +74,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
             sound=values,
         ),
         learnt=Learnt(
-            solved=inputs.windows, values=values, quick=values, slow=values, wandering=vector([1.0] * len(values))
+            solved=inputs.windows, values=values, quick=values, slow=values, wandering=vector([1.0] * VALUES)
         ),
         evidence=NONE,
         since=NONE - 1.0,
@@ -83,7 +84,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample; one that is not of numbers, but for the current, is left out."""
-    others = total(x for name, x in zip(names(Inputs), flat(inputs)) if name != "current")
+    others = total(x for name, x in inputs._asdict().items() if name != "current")
     state = when(fabs(others) < math.inf, lambda state: _sample(state, inputs, par), state)
     return state, _outputs(state)
 
@@ -311,8 +312,10 @@ def _learn(state: State, inputs: Inputs, par: Parameters) -> State:
 
 def _note(state: State, inputs: Inputs, par: Parameters) -> State:
     """What a good window has taught goes into the baseline, or is compared with it (3)."""
-    values = vector([log(where(x > LEAST, x, LEAST)) for x in inputs.values])
-    shares = vector([s / where(x > LEAST, x, LEAST) + LEAST for s, x in zip(inputs.deviations, inputs.values)])
+    first = Inputs._fields.index("resistance")
+    found, deviations = inputs[first : first + VALUES], inputs[first + VALUES : first + 2 * VALUES]
+    values = vector([log(where(x > LEAST, x, LEAST)) for x in found])
+    shares = vector([s / where(x > LEAST, x, LEAST) + LEAST for s, x in zip(deviations, found)])
     is_learning = state.course.verdict == Verdict.learning
     state = when(is_learning, lambda state: _lay(state, values, inputs, par), state)
     old, base = state.learnt, state.baseline.healthy

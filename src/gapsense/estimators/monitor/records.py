@@ -29,37 +29,31 @@ def of_mhe(unit: str, signal: str, description: str, **more: Any) -> Scalar:
     return input_(unit, description, source=f"mhe.{signal}", **more)
 
 
-class Learns(NamedTuple):
-    """A value that `Mhe` learns."""
-
-    what: str
-    unit: str
-    nominal: float
-    nominal_std: float  # of its standard deviation
-
-
-LEARNT = {
-    "resistance": Learns("resistance", "Ohm", 48.0, 0.1),
-    "eddy": Learns("eddy currents", "S", 1e-3, 1e-4),
-    "gap_factor": Learns("gap factor", "1", 1.0, 0.01),
-    "knee": Learns("knee", "A", 0.5, 0.01),
-    "saturation": Learns("saturation", "Wb", 25e-3, 1e-4),
-    "hysteresis": Learns("hysteresis", "A", 10e-3, 1e-3),
-    "mass": Learns("mass", "kg", 1.6e-3, 1e-5),
-    "rest_position": Learns("rest position", "m", 19e-3, 1e-4),
+LEARNT = {  # what `Mhe` learns, and in which unit
+    "resistance": ("resistance", "Ohm"),
+    "eddy": ("eddy currents", "S"),
+    "gap_factor": ("gap factor", "1"),
+    "knee": ("knee", "A"),
+    "saturation": ("saturation", "Wb"),
+    "hysteresis": ("hysteresis", "A"),
+    "mass": ("mass", "kg"),
+    "rest_position": ("rest position", "m"),
 }
+VALUES = len(LEARNT)
 WHERE = ("before the motion", "in the motion", "after the landing", "in the rest")  # by phase
 MEANS = {f"{kind}_{p.name}": (kind, WHERE[p]) for kind in ("closing", "opening") for p in Phase}  # of innovations
 USUAL = "Usual mean innovation {1}, {0}; counts with baseline.windows"
 HEALTHY = "Logarithm of the {0} of the healthy device; counts with baseline.windows"
 UsualMeans = record_of("UsualMeans", MEANS, "baseline_{}", lambda _, mean: parameter("A", USUAL.format(*mean), 0.0))
 HealthyValues = record_of(
-    "HealthyValues", LEARNT, "baseline_{}", lambda _, value: parameter("1", HEALTHY.format(value.what), 0.0)
+    "HealthyValues", LEARNT, "baseline_{}", lambda _, value: parameter("1", HEALTHY.format(value[0]), 0.0)
 )
-Values = record_of("Values", LEARNT, "{}", lambda n, v: of_mhe(v.unit, n, f"`{n}` of Mhe", nominal=v.nominal))
-Deviations = record_of(
-    "Deviations", LEARNT, "{}_std", lambda n, v: of_mhe(v.unit, n, f"`{n}` of Mhe", nominal=v.nominal_std)
-)
+
+
+def learnt(name: str, nominal: float) -> Scalar:
+    """A value that `Mhe` has learnt, or its standard deviation."""
+    unit = LEARNT[name.removesuffix("_std")][1]
+    return of_mhe(unit, name, f"`{name}` of Mhe", nominal=nominal)
 
 
 @ports()
@@ -94,8 +88,22 @@ class Inputs(NamedTuple):
     health_causes: Scalar = of_mhe("1", "health_causes", "Why Mhe is not healthy: bit 1 counts", min=0.0)
     windows: Scalar = of_mhe("1", "windows", "Windows solved so far", min=0.0, nominal=100.0)
     misfit: Scalar = of_mhe("1", "misfit", "Misfit of the last one", min=0.0)
-    values: Annotated[Any, Values] = Values()
-    deviations: Annotated[Any, Deviations] = Deviations()
+    resistance: Scalar = learnt("resistance", 48.0)
+    eddy: Scalar = learnt("eddy", 1e-3)
+    gap_factor: Scalar = learnt("gap_factor", 1.0)
+    knee: Scalar = learnt("knee", 0.5)
+    saturation: Scalar = learnt("saturation", 25e-3)
+    hysteresis: Scalar = learnt("hysteresis", 10e-3)
+    mass: Scalar = learnt("mass", 1.6e-3)
+    rest_position: Scalar = learnt("rest_position", 19e-3)
+    resistance_std: Scalar = learnt("resistance_std", 0.1)
+    eddy_std: Scalar = learnt("eddy_std", 1e-4)
+    gap_factor_std: Scalar = learnt("gap_factor_std", 0.01)
+    knee_std: Scalar = learnt("knee_std", 0.01)
+    saturation_std: Scalar = learnt("saturation_std", 1e-4)
+    hysteresis_std: Scalar = learnt("hysteresis_std", 1e-3)
+    mass_std: Scalar = learnt("mass_std", 1e-5)
+    rest_position_std: Scalar = learnt("rest_position_std", 1e-4)
 
 
 class Baseline(NamedTuple):
@@ -192,10 +200,10 @@ Since = record_of(
     "Since", CAUSES_TOLD, "since_{}", lambda n, why: output("s", f"{PASSED}: {SHORTER.get(n, why)}", min=-1.0)
 )
 Trend = record_of(
-    "Trend", LEARNT, "trend_{}", lambda _, value: output("1", f"Relative change per 1,000 operations: {value.what}")
+    "Trend", LEARNT, "trend_{}", lambda _, value: output("1", f"Relative change per 1,000 operations: {value[0]}")
 )
 Profile = record_of("Profile", MEANS, "profile_{}", lambda _, mean: output("A", f"{DIFFERS}: {', '.join(mean)}"))
-Moved = record_of("Moved", LEARNT, "moved_{}", lambda _, value: output("1", f"{MOVED}: {value.what}"))
+Moved = record_of("Moved", LEARNT, "moved_{}", lambda _, value: output("1", f"{MOVED}: {value[0]}"))
 
 
 def kept(unit: str, what: str) -> Scalar:
@@ -209,9 +217,10 @@ def _kept_mean(field: str, mean: tuple[str, str]) -> Scalar:
     return kept("A", f"mean innovation of {article} {kind} {where}" if where == WHERE[0] else where)
 
 
-def _kept_value(field: str, value: Learns) -> Scalar:
-    unit = {"1": "", "Ohm": " [ohm]"}.get(value.unit, f" [{value.unit}]")
-    return kept("1", f"logarithm of the {value.what}{unit}")
+def _kept_value(field: str, value: tuple[str, str]) -> Scalar:
+    what, unit = value
+    shown = {"1": "", "Ohm": " [ohm]"}.get(unit, f" [{unit}]")
+    return kept("1", f"logarithm of the {what}{shown}")
 
 
 KeptMeans = record_of("KeptMeans", MEANS, "baseline_{}", _kept_mean)
