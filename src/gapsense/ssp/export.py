@@ -87,26 +87,10 @@ class Exported:
 
 
 def export(source: Source, path: Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
-    """Write a scenario as SSP 1.0, complete or not at all.
+    """Write a scenario as SSP 1.0 to a file with the ending `.ssp`, complete or not at all.
 
-    Parameters
-    ----------
-    source : str, Path or Document
-        The scenario.
-    path : Path
-        File to write, with the ending `.ssp`.
-    variant, fmus
-        As for `cosim.run`.
-
-    Returns
-    -------
-    list of str
-        What other tools will not see, or what is left out, one sentence each.
-
-    Raises
-    ------
-    ScenarioError
-        With everything that SSP 1.0 cannot hold.
+    Answers with a sentence on each thing that other tools will not see, or that is left out. A ScenarioError has
+    everything that SSP 1.0 cannot hold.
     """
     if path.suffix != ".ssp":
         raise InputError([f"`{path}`: a system structure package has the ending .ssp. Change the ending."])

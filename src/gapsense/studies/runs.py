@@ -56,20 +56,8 @@ def signals(
 ) -> Iterator[tuple[int, Signals | None]]:
     """Number of each run, in any order, and its signals; None for a run in which a component fails.
 
-    Parameters
-    ----------
-    scenario : str, Path or Document
-        The scenario.
-    variant : str or None
-        Its variant.
-    names : sequence of str
-        Signals, as `valve.position`.
-    draws : sequence of mappings
-        Of each run: values of parameters by `component.parameter`.
-    seeds : sequence of int, optional
-        Of each run: what is added to the scenario's seeds; by default nothing.
-    engine : str
-        As of `gapsense.sweep`.
+    The `draws` are, for each run, values of parameters by `component.parameter`; `seeds` what it adds to the scenario's
+    seeds, by default nothing. The `engine` is as of `gapsense.sweep`.
     """
     read, descriptions = prepare(scenario, variant)
     subject = Subject(replace(read, record=replace(read.record, signals=tuple(names)), metrics=()), descriptions)

@@ -324,19 +324,10 @@ def find_fmu(name: str, scenario: Path, fmus: Path) -> Path:
 
 
 def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
-    """Model description of an FMU file.
+    """Model description of a co-simulation FMU of FMI 2.0 or 3.0 with a binary for this platform.
 
-    Parameters
-    ----------
-    path : Path
-        Co-simulation FMU of FMI 2.0 or 3.0 with a binary for this platform.
-    sizes : mapping of str to int, optional
-        Values of structural parameters, on which the sizes of arrays depend, other than their start values.
-
-    Raises
-    ------
-    UnusableError
-        Saying why the FMU cannot be used, and what to do.
+    The `sizes` are values of structural parameters, on which the sizes of arrays depend, other than their start values.
+    An UnusableError says why the FMU cannot be used, and what to do.
     """
     with suppress(OSError):  # of a file that is not there it is told below
         digest = sha256(path)

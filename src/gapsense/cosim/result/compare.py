@@ -38,19 +38,9 @@ def thinned(result: Result, baseline: Baseline) -> Result:
 
 
 def compare(result: Result, baseline: Baseline) -> Comparison:
-    """Hold a result against its baseline.
+    """Hold a complete result against its baseline, whose file exists.
 
-    Parameters
-    ----------
-    result : Result
-        Complete.
-    baseline : Baseline
-        Whose file exists.
-
-    Returns
-    -------
-    Comparison
-        Its `sentences` tell everything in which they differ; there are none if the result is as before.
+    The comparison's `sentences` tell everything in which they differ; there are none if the result is as before.
     """
     try:
         columns = read_columns(baseline.file, {**TIME, **result.units})

@@ -124,35 +124,18 @@ def compare_results(
 ) -> Comparison:
     """Hold a result against another one, all signals over the whole run, as `gapsense compare` does.
 
-    Parameters
-    ----------
-    result, reference : Result
-        Their rows may be at different times.
-    rtol, atol : float
-        Allowed is `atol + rtol * nominal`.
-    edge_steps : int
-        Steps of its component by which an edge may come earlier or later.
+    Their rows may be at different times. Allowed is `atol + rtol * nominal`, and that an edge comes `edge_steps` steps
+    of its component earlier or later.
     """
     both = of_result(result, "the result"), of_result(reference, "the reference")
     return compare_trajectories(*both, Baseline(Path(), tolerance=Tolerance(rtol, atol, edge_steps)), Window())
 
 
 def compare_trajectories(result: Trajectories, reference: Trajectories, how: Baseline, window: Window) -> Comparison:
-    """Hold trajectories against others.
+    """Hold trajectories against others, with the tolerances of `how`, whose file is not read.
 
-    Parameters
-    ----------
-    result, reference : Trajectories
-        Where their rows are not at the same times, those of the coarser grid are compared, see `grids`.
-    how : Baseline
-        Tolerances; its file is not read.
-    window : Window
-        What of them is compared.
-
-    Returns
-    -------
-    Comparison
-        Signals, units and times that only one of them has are among its `problems`.
+    Where their rows are not at the same times, those of the coarser grid are compared. Signals, units and times that
+    only one of them has are among the `problems` of the comparison.
     """
     if not result.times.size or not reference.times.size:
         return Comparison((*result.problems, *reference.problems, "there are no rows to compare. Run again."))

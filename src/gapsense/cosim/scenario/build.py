@@ -72,17 +72,9 @@ class Content:
         return made
 
     def save(self, path: str | Path) -> Path:
-        """Write the scenario file, or `scenario.toml` in a folder; an old one is replaced.
+        """Write the scenario file, at a path that ends in `.toml`, or `scenario.toml` in a folder.
 
-        Parameters
-        ----------
-        path : str or Path
-            The file, with the ending `.toml`, or the folder.
-
-        Returns
-        -------
-        Path
-            The file.
+        An old one is replaced.
         """
         path = Path(path)
         file = path if path.suffix == ".toml" else path / "scenario.toml"
@@ -265,16 +257,9 @@ class Scenario(Content):
         return check(self.document, variant, self.fmus)
 
     def run(self, variant: str | None = None, seed_shift: int = 0, progress: Progress | None = None) -> Result:
-        """Run it. FMUs are loaded for the first run, and again only if components or connections have changed.
+        """Run it as `cosim.run` does.
 
-        Parameters
-        ----------
-        variant, seed_shift, progress
-            As for `cosim.run`.
-
-        Returns
-        -------
-        Result
+        FMUs are loaded for the first run, and again only if components or connections have changed.
         """
         read, descriptions = prepare(self.document, variant, self.fmus)
         if read.experiment.isolation == "process":
@@ -298,18 +283,9 @@ class Scenario(Content):
         measure: Measure | None = None,
         progress: Progress | None = None,
     ) -> Sweep:
-        """Run every combination of values, with several seeds, and collect the metrics.
+        """Run every combination of values, with several seeds, and collect the metrics, as `cosim.sweep` does.
 
-        Parameters
-        ----------
-        grid : mapping, optional
-            Values by parameter; it becomes the scenario's `[sweep]`.
-        seeds, workers, out, measure, progress
-            As for `cosim.sweep`.
-
-        Returns
-        -------
-        Sweep
+        The `grid` has values by parameter; it becomes the scenario's `[sweep]`.
         """
         from gapsense.many.sweep import sweep  # which stands above this package
 
@@ -319,17 +295,7 @@ class Scenario(Content):
         return sweep(self.document, seeds, workers=workers, **options)  # type: ignore[arg-type]
 
     def converge(self, variant: str | None = None, **options: Any) -> Convergence:
-        """Tell how large the error of its base step is, by runs with shorter ones.
-
-        Parameters
-        ----------
-        variant, options
-            As for `gapsense.converge`.
-
-        Returns
-        -------
-        Convergence
-        """
+        """Tell how large the error of its base step is, with the options of `gapsense.converge`."""
         from gapsense.cosim.convergence import converge  # which stands above this package
 
         return converge(self.document, variant, self.fmus, **options)
