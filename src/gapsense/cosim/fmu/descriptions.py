@@ -473,18 +473,14 @@ def mended(data: bytes) -> tuple[Element, bytes]:
     Without one a variable of FMI 2.0 is continuous, which a parameter and a variable that is not Real cannot be.
     """
     root = fromstring(data)
-    refuse_version(root.get("fmiVersion", "without a version"))
+    version = root.get("fmiVersion", "without a version")
+    if version != "2.0" and not version.startswith("3.0"):
+        raise UnusableError(f"FMI {shown(version)} found, FMI 2.0 or 3.0 co-simulation expected. Export it as that.")
     found = [variable for variable in root.iterfind("ModelVariables/ScalarVariable") if lacks_variability(variable)]
     for variable in found:
         variable.set("variability", "fixed" if variable.get("causality") in PARAMETERS else "discrete")
     refuse_dangling(root)
     return root, tostring(root, "utf-8", xml_declaration=True) if found else data
-
-
-def refuse_version(version: str) -> None:
-    """Raise unless an FMU is of FMI 2.0 or 3.0."""
-    if version != "2.0" and not version.startswith("3.0"):
-        raise UnusableError(f"FMI {shown(version)} found, FMI 2.0 or 3.0 co-simulation expected. Export it as that.")
 
 
 def lacks_variability(variable: Element) -> bool:

@@ -13,10 +13,9 @@ import numpy.typing as npt
 
 from gapsense._os.files import read_columns
 from gapsense.cosim.result.result import TIME, Result, Run
-from gapsense.cosim.scenario.records import Baseline, Tolerance, matching
+from gapsense.cosim.scenario.records import Baseline, Tolerance, Vector, matching
 from gapsense.problems import listing
 
-Vector = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 SHARE = 0.05  # of the range of a signal: an edge goes beyond it from one row to the next
 TYPICAL = 10.0  # median changes from row to row: noise and smooth curves stay below it

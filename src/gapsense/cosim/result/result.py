@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gapsense._os.files import prepared, read_columns, rename, sealed, sha256, write_columns, write_json
 from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
-from gapsense.cosim.scenario.records import Metric, Span
+from gapsense.cosim.scenario.records import Metric, Span, Vector
 from gapsense.cosim.show import pages, plots
 from gapsense.problems import suggest
 from gapsense.tables import Value
@@ -23,7 +23,6 @@ from gapsense.tables import Value
 Rows = npt.NDArray[np.intp]
 Window = tuple[float | None, float | None]  # `after` and `before`
 TIME = {"time": "s"}
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

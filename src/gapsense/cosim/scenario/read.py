@@ -229,6 +229,16 @@ def read_document(source: Source, problems: list[str]) -> Document | None:
     return None if data is None else Document(path, data, is_file=True)
 
 
+def document_of(source: Source, variant: str | None = None) -> Document:
+    """Content of a scenario with one of its variants laid over it; a ScenarioError says why it cannot be read."""
+    problems: list[str] = []
+    document = read_document(source, problems)
+    document = document and document.with_variant(variant, problems)
+    if document is None:
+        raise ScenarioError(problems)
+    return document
+
+
 # Values laid over a scenario from outside: `--set component.variable=value`.
 
 
