@@ -14,7 +14,6 @@ from time import perf_counter
 from typing import Any, TextIO
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense._os.files import refuse_unwritable, sealed, write_atomically, write_json
 from gapsense.cosim.check import check_size, is_sampled, measured_file, memory, prepare, subject, within
@@ -38,12 +37,11 @@ from gapsense.cosim.result.tendency import (
 )
 from gapsense.cosim.run.run import isolated, run_prepared
 from gapsense.cosim.scenario.read import Source
-from gapsense.cosim.scenario.records import Component, Scenario, reached, recorded_signals
+from gapsense.cosim.scenario.records import Component, Scenario, Vector, reached, recorded_signals
 from gapsense.cosim.show import convergence_figure, convergence_text
 from gapsense.problems import FmuError, InputError, ScenarioError, listing, suggest
 from gapsense.shipped import is_installed
 
-Vector = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 RUNS, LEAST_RUNS, MOST_RUNS = 6, 4, 16  # an order that is told takes two ratios of changes, and so four runs
 TOLERANCE = 1e-3  # of the range of a signal

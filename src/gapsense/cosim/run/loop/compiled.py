@@ -110,7 +110,8 @@ class Guest:
         self.part, self.failed, self.marks = part, "", work.marks
         self.error: BaseException | None = None
         base, is_sequential = work.experiment.base_step, work.experiment.method != JACOBI
-        self.links = array_of(part)
+        # Connections into the part, and after them the stages of events, in order:
+        self.links = (Link * (len(part.wires) + len(part.stages)))(*part.wires)
         self.takes_first = is_sequential and part.follows
         if not part.is_direct:
             take = part.taker()
@@ -162,11 +163,6 @@ def structure(guest: Guest, i: int, work: Work) -> Any:
         link_count=len(guest.links),
         follows=guest.takes_first,
     )
-
-
-def array_of(part: Part) -> Any:
-    """Connections into a part, and after them the stages of events, in order."""
-    return (Link * (len(part.wires) + len(part.stages)))(*part.wires)
 
 
 def renew(guest: Guest) -> None:
