@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from gapsense.kernels.elementary import log
 from gapsense.kernels.interpolate import Cubic, cubic, spline_piece
-from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.trace import cond, fabs, load, locate, square, where
 
 MU_0 = 4e-7 * math.pi  # [H/m]
@@ -88,11 +88,7 @@ class SmoothGap(NamedTuple):
 class LocalGap(NamedTuple):
     """A smooth gap law around a gap: that of a table is the polynomial between two of its rows."""
 
-    is_table: Scalar
-    closed: Scalar
-    unfringed: Scalar
-    fringing: Scalar
-    window: Scalar
+    law: SmoothGap
     piece: Cubic
 
 
@@ -105,26 +101,20 @@ def gap_near(h: Scalar, gap: SmoothGap) -> LocalGap:
     piece = cond(
         gap.is_table,
         lambda: spline_piece(h, gap.knots, gap.reluctance, gap.curvature),
-        lambda: Cubic(place=0.0, value=0.0, slope=0.0, curvature=0.0, change=0.0),
+        lambda: blank(Cubic),
     )
-    return LocalGap(
-        is_table=gap.is_table,
-        closed=gap.closed,
-        unfringed=gap.unfringed,
-        fringing=gap.fringing,
-        window=gap.window,
-        piece=piece,
-    )
+    return LocalGap(gap, piece)
 
 
 def local_gap_law(h: Scalar, gap: LocalGap) -> tuple[Scalar, Scalar, Scalar]:
     """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap."""
+    law = gap.law
 
     def formula() -> tuple[Scalar, Scalar, Scalar]:
-        R, slope, curvature = fringing(h, gap.unfringed, gap.fringing, gap.window)
-        return gap.closed + R, slope, curvature
+        R, slope, curvature = fringing(h, law.unfringed, law.fringing, law.window)
+        return law.closed + R, slope, curvature
 
-    return cond(gap.is_table, lambda: cubic(h, gap.piece), formula)
+    return cond(law.is_table, lambda: cubic(h, gap.piece), formula)
 
 
 def smooth_gap_law(h: Scalar, gap: SmoothGap) -> tuple[Scalar, Scalar, Scalar]:
