@@ -325,6 +325,7 @@ class Judge:
         """The scenario with other seeds of all that would draw other random numbers with a finer step."""
 
         def other(name: str, component: Component) -> Component:
+            """The component with another seed, which its FMU accepts."""
             variable = self.descriptions[name].variables["seed"]
             given = scenario.seeds.get(name, component.values.get("seed", variable.start))
             seed = int(given or 0) + 1
