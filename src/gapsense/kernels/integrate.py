@@ -73,13 +73,15 @@ def rk4_until(
 
     Parameters
     ----------
-    rate, y, dt, first
+    rate, y, dt
         As for `rk4`.
     margin : callable
         Of the states, and of what more `rate` returns; continuous in them, and negative once the step must end.  The
         states returned lie just beyond its zero.
     is_live : scalar
         Whether to look for the end at all: many runs at once compute branches that they do not take.
+    first : tuple, optional
+        `rate(y)`, where it is known.
 
     Notes
     -----
