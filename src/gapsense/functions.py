@@ -157,20 +157,10 @@ def identify(
     others: dict[str, Any] = {"model": model, "period": period, "temperature": temperature, "forms": forms}
     others |= {"hold": pairs(hold), "inductance": path(inductance), "driver": driver, "accuracy": accuracy}
     if commission:
-        return _commission(
-            data,
-            way.check_believed(known, others),
-            assume=assume,
-            validate=validate,
-            voltage=voltage,
-            column=column,
-            separator=separator,
-            decimal=decimal,
-            clipped=clipped,
-            out=out,
-            figure=figure,
-            progress=progress,
-        )
+        believed = way.check_believed(known, others)
+        form: dict[str, Any] = {"column": column, "separator": separator, "decimal": decimal, "clipped": clipped}
+        form |= {"assume": assume, "validate": validate, "voltage": voltage}
+        return _commission(data, believed, **form, out=out, figure=figure, progress=progress)
     with files(data) as paths, files(validate) as kept, set_file(out) as (to, folder):
         how, picture = reading(pairs(column), voltage, separator, decimal, clipped), checked(figure)
         given = way.read(paths, how, kept, known, assume, **others)

@@ -23,17 +23,17 @@ class Circuit(NamedTuple):
     """Coil, gap and core; made once per step, outside the loops, so that its values are computed once."""
 
     turns: Scalar  # N [1]
-    is_table: Scalar  # gap law from the table
-    is_fringing: Scalar  # gap law with fringing; the linear one if neither
-    slope: Scalar  # k_air of the linear law [1/(H m)]
+    core_reluctance: Scalar  # R_iron0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
     unfringed: Scalar  # r0 = 1/(mu0 A), slope of the gap reluctance without fringing [1/(H m)]
     fringing: Scalar  # k = 1/sqrt(A) [1/m]
     window: Scalar  # 2 G, twice the length along which the fringing flux bulges [m]
-    table_gap: Array  # increasing [m]
-    table_reluctance: Array  # [1/H]
-    table_slope: Array  # [1/(H m)]
-    core_reluctance: Scalar  # R_iron0 [1/H]
-    core_saturation: Scalar  # lambda_sat [Wb]
+    is_fringing: Scalar = True  # gap law with fringing
+    slope: Scalar = 0.0  # k_air of the linear law, if not [1/(H m)]
+    is_table: Scalar = False  # gap law from the table instead
+    table_gap: Array = ()  # increasing [m]
+    table_reluctance: Array = ()  # [1/H]
+    table_slope: Array = ()  # [1/(H m)]
 
 
 class Gap(NamedTuple):

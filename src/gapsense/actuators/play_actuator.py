@@ -126,15 +126,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
     circuit = Circuit(
         turns=par.coil_turns,
-        is_table=False,
-        is_fringing=True,
-        slope=0.0,
         unfringed=par.gap_slope,
         fringing=par.gap_fringing,
         window=par.gap_window,
-        table_gap=(),
-        table_reluctance=(),
-        table_slope=(),
         core_reluctance=par.core_reluctance,
         core_saturation=par.core_saturation,
     )

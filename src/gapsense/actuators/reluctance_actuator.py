@@ -157,7 +157,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
     """Constants of a communication step."""
-    return actuator_of(inputs, par, _gap(par), core_of(par, par.saturation > 0.5), motion.mover_of(par, par.friction))
+    return actuator_of(inputs, par, _gap(par), make_core(par, par.saturation > 0.5), motion.mover_of(par, par.friction))
 
 
 def actuator_of(inputs: Any, par: Any, gap: Any, core: Core, mover: Mover) -> Actuator:
@@ -195,21 +195,6 @@ def _gap(par: Parameters) -> SmoothGap:
         knots=par.gap_file_gap,
         reluctance=par.gap_file_reluctance,
         curvature=par.gap_file_spline,
-    )
-
-
-def core_of(par: Any, is_saturable: Scalar = True) -> Core:
-    """The core by the parameters of a plant that have these names."""
-    return make_core(
-        length=par.core_length,
-        area=par.core_area,
-        saturation=par.core_magnetization,
-        shape=par.core_shape,
-        coupling=par.core_coupling,
-        pinning=par.core_pinning,
-        reversible=par.core_reversibility,
-        is_hysteretic=par.hysteresis > 0.5,
-        is_saturable=is_saturable,
     )
 
 

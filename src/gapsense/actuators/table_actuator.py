@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 
 from gapsense.actuators import hysteresis, motion, reluctance_actuator, table_steps
 from gapsense.actuators.motion import MOVING
-from gapsense.actuators.reluctance_actuator import MICRO_STEPS, actuator_of, core_of
+from gapsense.actuators.reluctance_actuator import MICRO_STEPS, actuator_of
 from gapsense.actuators.reluctance_steps import Losses
 from gapsense.actuators.table_steps import Contact, Continuous, Device, device_of, micro_step
 from gapsense.kernels.interface import COLUMN, choice, fixed, option, output, parameter, ports, same, table
@@ -175,7 +175,7 @@ def device(inputs: Any, par: Parameters) -> Device:
     """Constants of a communication step."""
     mover = motion.mover_of(par)
     mover = mover._replace(mass=par.mover_mass + par.mover_load)
-    return device_of(par, actuator_of(inputs, par, None, core_of(par), mover), _map(par))
+    return device_of(par, actuator_of(inputs, par, None, hysteresis.make_core(par), mover), _map(par))
 
 
 def _map(par: Parameters) -> Surface:

@@ -544,6 +544,7 @@ def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
     is_controlled, base = scenario.experiment.step_control is not None, scenario.experiment.base_step
 
     def own(component: Component) -> Component:
+        """The component with the values that it has parameters for, and the step that its samples ask for."""
         names = {v.name for v in descriptions[component.name].of("parameter")}
         files = {path.name for path in component.sets}
         values = {n: v for n, v in component.values.items() if n in names or component.origin[n] not in files}

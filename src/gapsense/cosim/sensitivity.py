@@ -92,6 +92,7 @@ def perturbed(scenario: Scenario, descriptions: Mapping[str, Description], size:
     """The scenario with all parameters and constant inputs changed by this much, up or down."""
 
     def other(component: Component) -> Component:
+        """The component with every numeric parameter changed, also those that it leaves at their start values."""
         description = descriptions[component.name]
         values = {v.name: component.values.get(v.name, v.start) for v in description.of("parameter")}
         numbers = {name: float(value) for name, value in values.items() if value is not None and is_number(value)}

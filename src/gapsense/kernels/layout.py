@@ -145,8 +145,10 @@ def flat(value: Any) -> list[Any]:
     if _is_plain(cls):
         return [*value]
     entries: list[Any] = []
-    for _, field, item in leaves(value):
-        if field.kind == "vector":
+    for field, item in zip(_layout(cls).values(), value):
+        if _is_record(field):
+            entries += flat(item)
+        elif field.kind == "vector":
             entries += list(item)
         elif field.kind == "covariance":
             entries += [item[i, j] for i, j in triangle(field.size)]

@@ -457,6 +457,7 @@ def feedthrough(model: Any, variables: Mapping[str, Variable]) -> dict[str, froz
     inputs = [v for v in variables.values() if v.causality == "input"]
 
     def direct(output: Variable) -> frozenset[str]:
+        """Inputs that an output depends on, by the name of their array where they are in one."""
         known = said.get(output.array or output.name)
         names = None if known is None else {v.name for v in known}
         return frozenset(v.name for v in inputs if names is None or (v.array or v.name) in names)

@@ -290,6 +290,7 @@ def finder(result: Result) -> Callable[[Metric], Samples]:
 
     @cache
     def inside(component: str, where: str | None, time: str | None, window: Window) -> Samples:
+        """Rows at which a component has stepped, `where` is not 0, and the time lies in the window."""
         rows = stepped(component)
         if where is not None:
             rows = rows[result[where][rows] != 0.0]

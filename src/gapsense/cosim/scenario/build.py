@@ -327,6 +327,7 @@ def moved(tables: Mapping[str, Any], section: Section, old: Path, new: Path) -> 
     """Content of a table whose file moves from one folder to another."""
 
     def value(name: str, item: Any) -> Any:
+        """Value of a key, whatever it is, as the table in the new folder has it."""
         key = key_of(section, name)
         if isinstance(item, dict):
             return moved(item, (key and key.section) or section, old, new)

@@ -350,7 +350,7 @@ class Reader:
         about, experiment = self.table.read(SECTIONS["file"]), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components, events = self.section("components", self.components), self.section(SECTION, self.events)
-        grid, rows, columns = self.section("sweep", self.sweep)
+        grid, rows, columns = self.section("sweep", lambda table: read_sweep(table, self.path.parent, self.files))
         self.changes.finish(components)
         return Scenario(
             path=self.path,
@@ -379,10 +379,6 @@ class Reader:
             hashes=self.document.hashes,
             settings=self.document.changes,
         )
-
-    def sweep(self, table: Table) -> tuple[Grid, Rows, RowsColumns]:
-        """Values that a sweep goes through."""
-        return read_sweep(table, self.path.parent, self.files)
 
     def events(self, table: Table) -> dict[str, Event]:
         """Events by name, with the values laid over them."""
