@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from gapsense._os.workers import Progress
 from gapsense.cli.common import Out, study
 from gapsense.cli.console import bar, show, written
 from gapsense.studies import FIGURES
@@ -25,6 +23,7 @@ def condition(
 ) -> None:
     """Faults of a valve that Monitor is to tell: after how many operations, with which cause, and false alarms."""
     from gapsense.report import plot
+    from gapsense.studies.runs import after
 
     from .cases import CASES, COURSE, LONG
     from .judge import alarms, judged
@@ -33,12 +32,8 @@ def condition(
     found = {}
     for name, case in CASES.items():
         with bar(f"{name}, runs") as progress:
-            found[name] = judged(case, devices, seed, partial(_told, progress, devices), COURSE)
+            found[name] = judged(case, devices, seed, after(progress, 0, devices), COURSE)
     with bar("healthy, runs") as progress:
-        said = alarms(healthy, seed + 1, LONG, partial(_told, progress, healthy))
+        said = alarms(healthy, seed + 1, LONG, after(progress, 0, healthy))
     show(*cases_table(found, COURSE), alarm_sentence(said))
     written(plot.save(causes_figure(found, COURSE), to / "condition.png"))
-
-
-def _told(progress: Progress, total: int, done: int) -> None:
-    progress(done, total)

@@ -10,18 +10,7 @@ from typing import NamedTuple
 
 from gapsense.tables import Value
 
-from .parameters import (
-    VALVE,
-    Valve,
-    blind,
-    coil,
-    core,
-    magnet,
-    reduced,
-    reduced_core,
-    tabulated,
-    tabulated_core,
-)
+from .parameters import VALVE, Valve, blind, coil, core, magnet, reduced, reduced_core, tabulated, tabulated_core
 
 MOTION = {name: name for name in ("position", "velocity")}
 REAL_TIME = {**MOTION, "flux_linkage": "flux_linkage"}

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from gapsense.cosim import Result
 from gapsense.estimators.rts import motions
+from gapsense.studies import refuse_unrecorded
 
 from .contenders import CONTENDERS, Contender
 
@@ -39,12 +40,7 @@ def signals() -> list[str]:
 
 def require(recorded: Collection[str], scenario: str) -> None:
     """Refuse a scenario that does not record what the study needs, with all that is missing."""
-    missing = [name for name in signals() if name not in recorded]
-    if missing:
-        raise ValueError(
-            f"{scenario}: the study of the estimators needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
-            "Add them to `[record]`, or take the scenario `estimators`."
-        )
+    refuse_unrecorded(signals(), recorded, scenario, "estimators")
 
 
 def measure(result: Result) -> dict[str, float]:

@@ -56,9 +56,8 @@ class Core(NamedTuple):
 
 
 VALVE = Valve()
-CORE = Core(
-    reluctance=1.5e6, saturation=27.67e-3, bend=8.32e6, eddy=1.011e-3, hysteresis=9.83e-3, turnover=2.24e-3
-)  # by `studies.estimators.core`
+# By `studies.estimators.core`:
+CORE = Core(reluctance=1.5e6, saturation=27.67e-3, bend=8.32e6, eddy=1.011e-3, hysteresis=9.83e-3, turnover=2.24e-3)
 DEVICES = {  # others, by variant, that the estimators are told of; their iron is the same
     "other_gap": VALVE._replace(lower=0.2e-3, upper=1e-3, slope=6e10, fringing=150.0, window=6e-3),
     "other_table": VALVE._replace(
@@ -187,7 +186,4 @@ def magnet(v: Valve) -> dict[str, float]:
 
 def coil(v: Valve) -> dict[str, float]:
     """Parameters of `Semera` and `IntegralEstimator`: resistance, and inductance at the upper stop."""
-    return {
-        "prior.resistance": v.resistance,
-        "prior.inductance": v.turns**2 / (gap_law(v.upper, v)[0] + v.core),
-    }
+    return {"prior.resistance": v.resistance, "prior.inductance": v.turns**2 / (gap_law(v.upper, v)[0] + v.core)}

@@ -73,13 +73,7 @@ PANELS = {"position": ("position / um", 1e6), "flux_linkage": ("flux linkage / m
 
 
 def tables(found: Found) -> list[Table | str]:
-    """Tables of the conditions that were run, then what sums them up.
-
-    Parameters
-    ----------
-    found : mapping
-        By variant, the plain scenario first, the metrics of its runs that `measures.measure` gives.
-    """
+    """Tables of the conditions that were run, the plain scenario first, then what sums them up."""
     first = next(iter(found.values()))
     short = [table(title, head, rows) for title, (head, *rows) in summaries(found).items()]
     return [*(condition(v, found[v]) for v in TITLES if v in found), *short, *waits(first)]

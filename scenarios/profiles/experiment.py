@@ -6,7 +6,7 @@ sample, and against its velocity since the sample before, which is what a positi
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -62,16 +62,6 @@ class Errors(NamedTuple):
 
     position: dict[tuple[str, str], Floats]
     velocity: dict[tuple[str, str], Floats]
-
-
-def require(signals: Collection[str], scenario: str) -> None:
-    """Refuse a scenario that does not record what the study needs, with all that is missing."""
-    missing = [name for name in SIGNALS if name not in signals]
-    if missing:
-        raise ValueError(
-            f"{scenario}: the study of the profiles needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
-            "Add them to `[record]`, or take the scenario `profiles`."
-        )
 
 
 def line_up(result: Result) -> Profile:

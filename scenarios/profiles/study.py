@@ -11,7 +11,7 @@ import typer
 from gapsense.cli import common, console
 from gapsense.cli.common import Fmus, Out, Scenario, Workers, study
 from gapsense.cli.console import bar, problem, show, written
-from gapsense.studies import FIGURES
+from gapsense.studies import FIGURES, refuse_unrecorded
 
 ALL = (None, "thresholds", "threshold_mode", "early")
 Variants = Annotated[
@@ -44,10 +44,10 @@ def one(scenario: Path, variant: str | None, workers: int, fmus: Path | None, to
     from gapsense import cosim
     from gapsense.cosim.scenario.records import recorded_signals
 
-    from .experiment import require
+    from .experiment import SIGNALS
 
     read, descriptions = cosim.prepare(scenario, variant, fmus)
-    require(recorded_signals(read, descriptions), read.name)
+    refuse_unrecorded(SIGNALS, recorded_signals(read, descriptions), read.name, "profiles")
     with bar("sweeping") as progress:
         swept = cosim.sweep(scenario, None, variant, workers, to, fmus, progress=progress, keep=True)
     for index, error in swept.errors.items():

@@ -16,19 +16,7 @@ from gapsense.studies.runs import Facts
 from . import forward, searches
 from .chain import Running
 from .conditions import CHANGED, CONDITIONS, Condition, Disturbance, factors, samples
-from .loops import (
-    ADDED,
-    AT_REST,
-    COMMAND,
-    ENABLE,
-    LAWS,
-    OF_LAW,
-    RECORDED,
-    VOLTAGE,
-    Loop,
-    controller,
-    loop_of,
-)
+from .loops import ADDED, AT_REST, COMMAND, ENABLE, LAWS, OF_LAW, RECORDED, VOLTAGE, Loop, controller, loop_of
 
 Floats = npt.NDArray[np.float64]
 NEVER = 2.0  # impact speed of an operation that did not arrive [m/s]

@@ -46,57 +46,37 @@ class Demand(NamedTuple):
     bound: float
 
 
-STRUCK = ("missed", "spike", "lost")  # conditions with one thing that goes wrong, once
-DEMANDS = (
-    Demand(condition="plain", law="contact", level="median", first=5, bound=0.12),
-    Demand(condition="plain", law="contact", level="90 %", first=10, bound=0.25),
-    Demand(condition="plain", law="contact", level="90 %", first=20, bound=0.20),
-    Demand(condition="plain", law="model", level="median", first=5, bound=0.12),
-    Demand(condition="plain", law="model", level="90 %", first=10, bound=0.18),
-    Demand(condition="plain", law="model", level="90 %", first=20, bound=0.16),
-    Demand(condition="plain", law="model", level="99 %", first=-LAST, bound=0.25),
-    *(Demand(condition="warm", law=law, level="median", first=-LAST, bound=0.12) for law in ("contact", "model")),
-    *(Demand(condition="warm", law=law, level="90 %", first=-LAST, bound=0.17) for law in ("contact", "model")),
-    *(Demand(condition="noise", law=law, level="median", first=-LAST, bound=0.13) for law in ("contact", "model")),
-    *(
-        Demand(condition=name, law=law, level="median", first=20, bound=0.12)
-        for name in ("offset", "negative-offset")
-        for law in ("contact", "model")
-    ),
-    *(Demand(condition="no-reserve", law=law, level="90 %", first=-LAST, bound=0.25) for law in ("contact", "model")),
-    Demand(condition="half-bridge", law="contact", level="median", first=-LAST, bound=0.22),
-    *(
-        Demand(condition=name, law=law, level="median", first=10, bound=0.12)
-        for name in ("lengths", "gain")
-        for law in ("contact", "model")
-    ),
-    *(
-        Demand(condition=name, law=law, level="worst", first=10, bound=0.40)
-        for name in ("lengths", "gain")
-        for law in ("contact", "model")
-    ),
-    *(
-        Demand(condition=name, law=law, level="median", first=18, bound=0.12)
-        for name in STRUCK
-        for law in ("contact", "model")
-    ),
-    *(
-        Demand(condition=name, law=law, level="90 %", first=18, bound=0.18)
-        for name in STRUCK
-        for law in ("contact", "model")
-    ),
-    Demand(condition="voltage-offset", law="contact", level="90 %", first=10, bound=0.20),
-    *(Demand(condition="supply", law=law, level="90 %", first=-LAST, bound=0.30) for law in ("contact", "model")),
-    *(
-        Demand(condition=name, law=law, level="median", first=-LAST, bound=0.12)
-        for name in ("damping-step", "rest-step")
-        for law in ("contact", "model")
-    ),
-    *(Demand(condition="softer", law=law, level="median", first=-LAST, bound=0.20) for law in ("contact", "model")),
-    Demand(condition="untold-noise", law="model", level="median", first=-LAST, bound=0.12),
-    Demand(condition="untold-noise", law="both", level="median", first=-LAST, bound=0.13),
-    *(Demand(condition=name, law="both", level="median", first=10, bound=0.12) for name in ("bounce", "late")),
-    *(Demand(condition=name, law="both", level="90 %", first=20, bound=0.30) for name in ("bounce", "late")),
+DEMANDS = tuple(
+    Demand(condition=condition, law=law, level=level, first=first, bound=bound)
+    for conditions, laws, level, first, bound in (
+        ("plain", "contact", "median", 5, 0.12),
+        ("plain", "contact", "90 %", 10, 0.25),
+        ("plain", "contact", "90 %", 20, 0.20),
+        ("plain", "model", "median", 5, 0.12),
+        ("plain", "model", "90 %", 10, 0.18),
+        ("plain", "model", "90 %", 20, 0.16),
+        ("plain", "model", "99 %", -LAST, 0.25),
+        ("warm", "contact model", "median", -LAST, 0.12),
+        ("warm", "contact model", "90 %", -LAST, 0.17),
+        ("noise", "contact model", "median", -LAST, 0.13),
+        ("offset negative-offset", "contact model", "median", 20, 0.12),
+        ("no-reserve", "contact model", "90 %", -LAST, 0.25),
+        ("half-bridge", "contact", "median", -LAST, 0.22),
+        ("lengths gain", "contact model", "median", 10, 0.12),
+        ("lengths gain", "contact model", "worst", 10, 0.40),
+        ("missed spike lost", "contact model", "median", 18, 0.12),  # one thing goes wrong, once
+        ("missed spike lost", "contact model", "90 %", 18, 0.18),
+        ("voltage-offset", "contact", "90 %", 10, 0.20),
+        ("supply", "contact model", "90 %", -LAST, 0.30),
+        ("damping-step rest-step", "contact model", "median", -LAST, 0.12),
+        ("softer", "contact model", "median", -LAST, 0.20),
+        ("untold-noise", "model", "median", -LAST, 0.12),
+        ("untold-noise", "both", "median", -LAST, 0.13),
+        ("bounce late", "both", "median", 10, 0.12),
+        ("bounce late", "both", "90 %", 20, 0.30),
+    )
+    for condition in conditions.split()
+    for law in laws.split()
 )
 EARLY = slice(2, 11)  # cycles in which the hardest impact of `model` is held to that of `contact`
 MISSED = 1e-3  # share of the operations that need not arrive

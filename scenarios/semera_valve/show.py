@@ -12,13 +12,7 @@ from gapsense.cosim import Result
 from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, recorded, stack
 from gapsense.report.table import table
 
-from .observability import (
-    TOLERANCE,
-    flux_state_matrix,
-    observability_matrix,
-    rank,
-    steps_since_observable,
-)
+from .observability import TOLERANCE, flux_state_matrix, observability_matrix, rank, steps_since_observable
 
 LABELS = [
     "voltage / V",

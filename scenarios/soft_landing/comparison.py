@@ -59,24 +59,9 @@ def compare(
 ) -> Comparison:
     """Compare the estimators over widths of the parameter errors, each with its own process noise (60).
 
-    Parameters
-    ----------
-    study : Study
-        What all runs share.
-    widths : sequence of float
-        Lengths of the interval of the relative parameter errors (55).
-    runs : int
-        Number of runs at each width.
-    workers : int
-        Number of processes; results do not depend on it.
-    file : Path, optional
-        Takes what is computed, chunk by chunk; another call goes on from there.
-    progress : callable, optional
-        Called with tasks done and tasks in all.
-
-    Returns
-    -------
-    Comparison
+    The `widths` are lengths of the interval of the relative parameter errors (55), each with so many `runs`; results do
+    not depend on the number of `workers`. The `file` takes what is computed, chunk by chunk: another call goes on from
+    there.
     """
     if runs < 1 or not widths or min(widths) < 0.0 or max(widths) >= 2.0:
         raise ValueError(

@@ -58,20 +58,7 @@ class Consistency(NamedTuple):
 def consistency(study: Study, width: float = 0.01, runs: int = 10_000, progress: Progress | None = None) -> Consistency:
     """Normalised errors squared (62) and normalised errors (63) of the smoothed states in motion.
 
-    Parameters
-    ----------
-    study : Study
-        What all runs share.
-    width : float
-        Length of the interval of the relative parameter errors (55).
-    runs : int
-        Number of runs.
-    progress : callable, optional
-        Called with chunks done and chunks in all.
-
-    Returns
-    -------
-    Consistency
+    The `width` is that of the interval of the relative parameter errors (55).
     """
     tuned = tuning(noise_of_width(study.facts(), {"width": width, "runs": runs}), study)
     parts, (recorded, motions) = chunks(runs), plan_of(study)

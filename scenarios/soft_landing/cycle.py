@@ -17,6 +17,7 @@ import numpy as np
 from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State, make_actuator
+from gapsense.kernels.layout import blank
 from gapsense.studies.devices import RTS_VALVE
 from gapsense.studies.runs import after
 
@@ -73,18 +74,7 @@ def soft_landing(
     check(actuator, trajectory, step)
     par = actuator._replace(micro_step=step)
     fixed = Setup(par, make_actuator(Inputs(0.0, 0.0, 0.0), par), highest_voltage)
-    state = State(
-        flux=0.0,
-        effective_field=0.0,
-        position=actuator.stop_upper,
-        velocity=0.0,
-        mode=OPEN,
-        heat=0.0,
-        eddy_energy=0.0,
-        wall_work=0.0,
-        supplied_energy=0.0,
-        impact_speed=0.0,
-    )
+    state = blank(State, position=actuator.stop_upper, mode=OPEN)
     found = []
     for k in range(cycles):
         cycle, state = _cycle(fixed, trajectory, state, after(progress, PARTS * k, PARTS * cycles))

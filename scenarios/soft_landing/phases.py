@@ -14,6 +14,7 @@ from gapsense.actuators.motion import CLOSED, OPEN
 from gapsense.actuators.reluctance_actuator import Inputs, Parameters, State
 from gapsense.actuators.reluctance_steps import Actuator
 from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import blank
 
 from .inverse import Cycle, SoftLandingError, Vector, follow, needed_flux
 from .trajectory import Motion
@@ -92,18 +93,7 @@ def move(run: Setup, state: State, m: Motion) -> tuple[Cycle, State]:
             f"{run.highest} V. Make its duration longer than {m.duration} s, or `highest_voltage` higher."
         )
     flux, H_e, mode = float(cycle.flux[-1]), float(cycle.effective_field[-1]), CLOSED if m.last < m.first else OPEN
-    return cycle, State(
-        flux=flux,
-        effective_field=H_e,
-        position=m.last,
-        velocity=0.0,
-        mode=mode,
-        heat=0.0,
-        eddy_energy=0.0,
-        wall_work=0.0,
-        supplied_energy=0.0,
-        impact_speed=0.0,
-    )
+    return cycle, blank(State, flux=flux, effective_field=H_e, position=m.last, mode=mode)
 
 
 def parts(cycle: Cycle) -> list[Any]:

@@ -13,7 +13,7 @@ from gapsense.studies import FIGURES
 
 from .trajectory import FIG_5, Trajectory
 
-File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters", show_default=False)]
+File = Annotated[Path | None, typer.Option(help="TOML file of ReluctanceActuator parameters")]
 
 FIGURES["soft_landing"] = f"{__package__}.show:run_figure"
 Runs = Annotated[int, typer.Option(help="Runs at each width", min=1, max=10**7)]
@@ -88,8 +88,7 @@ def reduced_fit(
         Path | None,
         typer.Option(
             help="CSV file with the columns time, voltage, current, position of a cycle that starts at rest and "
-            "without flux; without it, the reference cycle of the paper is simulated",
-            show_default=False,
+            "without flux; without it, the reference cycle of the paper is simulated"
         ),
     ] = None,
     parameters: Annotated[

@@ -16,6 +16,7 @@ import sys
 _is_module = sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd()  # noqa: PTH109
 sys.path.extend([sys.path.pop(0)] if _is_module else [])
 
+from gapsense._os.offered import offered  # noqa: E402
 from gapsense.version import __version__ as __version__  # noqa: E402
 
 TYPE_CHECKING = False  # that of `typing` takes a while to load, in which a Ctrl-C would be shown as a traceback
@@ -56,58 +57,8 @@ if TYPE_CHECKING:
     from gapsense.many.result import read_campaign as read_campaign
     from gapsense.many.sweep import sweep as sweep
 
-__all__ = [
-    "BoundedUkf",
-    "DriveVoltage",
-    "Ekf",
-    "Ertss",
-    "Found",
-    "HybridEkf",
-    "IntegralEstimator",
-    "Mhe",
-    "Monitor",
-    "PlayActuator",
-    "PotMagnet",
-    "PowerStage",
-    "ReluctanceActuator",
-    "Result",
-    "RunToRun",
-    "Scenario",
-    "Semera",
-    "Sensor",
-    "SolenoidValve",
-    "TableActuator",
-    "campaign",
-    "check",
-    "check_study",
-    "commission",
-    "compare",
-    "converge",
-    "estimate",
-    "fem",
-    "gap_law",
-    "identify",
-    "inspect",
-    "read_campaign",
-    "read_result",
-    "run",
-    "sweep",
-]
-_PLACES = {  # where each is
-    **dict.fromkeys(__all__, "gapsense.components"),
-    "Scenario": "gapsense.cosim.scenario.build",
-    **dict.fromkeys(("Result", "read_result"), "gapsense.cosim.result.result"),
-    **dict.fromkeys(
-        ("Found", "commission", "compare", "estimate", "fem", "gap_law", "identify", "inspect"), "gapsense.functions"
-    ),
-    "check": "gapsense.cosim.check",
-    "converge": "gapsense.cosim.convergence",
-    "run": "gapsense.cosim.run.run",
-    "campaign": "gapsense.many.campaign",
-    "check_study": "gapsense.many.prepare",
-    "read_campaign": "gapsense.many.result",
-    "sweep": "gapsense.many.sweep",
-}
+_PLACES = offered(__file__)  # module of each name in the block above
+__all__ = sorted(_PLACES)
 
 
 def __getattr__(name: str) -> object:

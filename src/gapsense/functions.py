@@ -98,11 +98,6 @@ def inspect(
     -------
     Found
         Tables of what is in the record.
-
-    Raises
-    ------
-    ValueError
-        A file cannot be read as a record; all that is wrong is told.
     """
     from gapsense.identification.inspection.facts import facts
     from gapsense.identification.inspection.show import inspection_figure, inspection_tables
@@ -152,11 +147,6 @@ def identify(
     Found
         Its `parameters` and their `standard_errors` by name; `passed` is False where the model does not explain the
         records.
-
-    Raises
-    ------
-    ValueError
-        Files or options are wrong, or something is missing that no record tells.
     """
     from gapsense.identification import identify as way
     from gapsense.identification.measurements.reading import reading
@@ -167,20 +157,10 @@ def identify(
     others: dict[str, Any] = {"model": model, "period": period, "temperature": temperature, "forms": forms}
     others |= {"hold": pairs(hold), "inductance": path(inductance), "driver": driver, "accuracy": accuracy}
     if commission:
-        return _commission(
-            data,
-            way.check_believed(known, others),
-            assume=assume,
-            validate=validate,
-            voltage=voltage,
-            column=column,
-            separator=separator,
-            decimal=decimal,
-            clipped=clipped,
-            out=out,
-            figure=figure,
-            progress=progress,
-        )
+        believed = way.check_believed(known, others)
+        form: dict[str, Any] = {"column": column, "separator": separator, "decimal": decimal, "clipped": clipped}
+        form |= {"assume": assume, "validate": validate, "voltage": voltage}
+        return _commission(data, believed, **form, out=out, figure=figure, progress=progress)
     with files(data) as paths, files(validate) as kept, set_file(out) as (to, folder):
         how, picture = reading(pairs(column), voltage, separator, decimal, clipped), checked(figure)
         given = way.read(paths, how, kept, known, assume, **others)
@@ -211,23 +191,8 @@ def commission(
     Found
         Its `parameters` and their `standard_errors` by name; `passed` is False where the model does not explain the
         records.
-
-    Raises
-    ------
-    ValueError
-        Files or options are wrong, or something is missing that no record tells.
     """
-    from gapsense.identification.actuator import fit
-    from gapsense.identification.actuator.fit import validate_actuator
-    from gapsense.identification.actuator.show import (
-        PORTS,
-        actuator_figure,
-        actuator_tables,
-        doubts,
-        missing,
-        standard_errors,
-        write_actuator,
-    )
+    from gapsense.identification.actuator import fit, show
     from gapsense.identification.assumptions import ask
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.parameter_set import parameters_of, read_sets
@@ -235,25 +200,25 @@ def commission(
 
     picture, believed = checked(figure), shipped(parameters)
     known, (given, marked) = parameters_of("mhe", believed), read_sets([believed])
-    lacking = missing(known, {*given} - {*marked})
+    lacking = show.missing(known, {*given} - {*marked})
     if not assume:
-        ask(lacking, {port.name: port for port in PORTS.values()}, believed.name, "the component `Mhe`")
+        ask(lacking, {port.name: port for port in show.PORTS.values()}, believed.name, "the component `Mhe`")
     how = reading(pairs(column), voltage, separator, decimal, clipped)
     with files(data) as paths, files(validate) as others, set_file(out) as (to, folder):
         records, kept = (read_records(group, how, needs="rest") for group in (paths, others))
-        result = fit.commission(records, known, progress, doubts(lacking))
+        result = fit.commission(records, known, progress, show.doubts(lacking))
         names = " ".join(path.name for path in paths)
         given = {name: value for name, value in given.items() if name not in {*GUESSED} & {*marked}}
-        write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
-        checks = validate_actuator(result.parameters, kept, result.beyond)
+        show.write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
+        checks = fit.validate_actuator(result.parameters, kept, result.beyond)
         return answer(
-            actuator_tables(result, known, checks, lacking),
-            lambda: actuator_figure(result, checks),
+            show.actuator_tables(result, known, checks, lacking),
+            lambda: show.actuator_figure(result, checks),
             picture,
             to=to,
             kept=folder,
             passed=result.is_explained,
-            standard_errors=standard_errors(result),
+            standard_errors=show.standard_errors(result),
         )
 
 
@@ -290,11 +255,6 @@ def gap_law(
     -------
     Found
         Its `parameters`, which `identify` takes from the file, and their `standard_errors`.
-
-    Raises
-    ------
-    ValueError
-        The file cannot be read, or the turns are missing.
     """
     from gapsense.identification.assumptions import list_values, meanings
     from gapsense.identification.gap_law.laws import best_law, candidates
@@ -355,11 +315,6 @@ def fem(
     -------
     Found
         Its `parameters`; `passed` is False where the table contradicts itself, and `doubts` say where.
-
-    Raises
-    ------
-    ValueError
-        The file cannot be read, is of no such device, or the turns are missing.
     """
     from gapsense.identification.assumptions import meanings
     from gapsense.identification.fem import show
@@ -420,25 +375,10 @@ def estimate(
     -------
     Found
         Its `signals` by `Estimator.output`; `passed` is False where an estimator cannot be right, and `doubts` say why.
-
-    Raises
-    ------
-    ValueError
-        The file or an option is wrong, or no estimator can run on the record.
     """
     from gapsense.cosim.check import find_fmus
     from gapsense.fmi.components import components_folder, find_components
     from gapsense.identification import estimate as judge
-    from gapsense.identification.estimate import (
-        choose_estimators,
-        estimate_figure,
-        estimate_tables,
-        estimators,
-        repeat_assumed,
-        run_all,
-        save,
-        subtract_given,
-    )
     from gapsense.identification.measurements.prepare import thin
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.parameter_set import read_sets, take_values
@@ -450,19 +390,19 @@ def estimate(
     with files(data) as paths:
         how = reading(pairs(column), "end", separator, decimal, clipped)
         record = thin(*read_records(paths, how, needs="samples"))
-    record, (values, assumed) = subtract_given(record, pairs(offset)), read_sets(sets)
-    names, left_out = choose_estimators(wanted, estimators(every), record, values)
+    record, (values, assumed) = judge.subtract_given(record, pairs(offset)), read_sets(sets)
+    names, left_out = judge.choose_estimators(wanted, judge.estimators(every), record, values)
     notes = [*about(record), *(f"left out: {reason}" for reason in left_out)]
     take_values(find_components(every, names), sets, find_components(every))  # before any run
-    estimates = run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
+    estimates = judge.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
     doubts = judge.doubts(record, estimates)
     signals = {"time": record.times, "voltage": record.voltage, "current": record.current}
     signals |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
     return answer(
-        [*estimate_tables(estimates), *repeat_assumed(values, assumed)],
-        lambda: estimate_figure(record, estimates),
+        [*judge.estimate_tables(estimates), *judge.repeat_assumed(values, assumed)],
+        lambda: judge.estimate_figure(record, estimates),
         picture,
-        files=[save(Path(out), record, estimates)] if out else [],
+        files=[judge.save(Path(out), record, estimates)] if out else [],
         passed=not doubts,
         parameters=values,
         signals=signals,

@@ -16,7 +16,7 @@ from gapsense.cli import app
 from gapsense.cli import compare as cli
 from gapsense.cosim import convergence
 from gapsense.cosim.check import both_ways
-from gapsense.cosim.result.tendency import excused, greatest, longest, observed, quantum
+from gapsense.cosim.convergence import excused, greatest, longest, observed, quantum
 from gapsense.problems import FmuError, ScenarioError
 
 PAIR = """

@@ -23,7 +23,7 @@ from gapsense.cosim import run
 from gapsense.cosim.run.events import Effect
 from gapsense.cosim.run.loop import compiled
 from gapsense.cosim.run.loop.build import LOOP
-from gapsense.cosim.run.loop.reference import in_python
+from gapsense.cosim.run.loop.compiled import in_python
 from gapsense.cosim.run.part import Player
 from gapsense.cosim.run.recording import ROWS, STEP, STOP, bin_edge, median
 

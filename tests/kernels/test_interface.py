@@ -12,6 +12,7 @@ from gapsense.fmi.components import kernel_of, kernel_parameters
 from gapsense.fmi.ports import Port
 from gapsense.kernels.interface import (
     COLUMN,
+    _ports,
     choice,
     input_,
     measured,
@@ -21,6 +22,7 @@ from gapsense.kernels.interface import (
     part,
     ports,
     ports_of,
+    record_of,
     same,
     seed,
     table,
@@ -102,6 +104,13 @@ def test_defaults_are_the_start_values_as_the_kernel_gets_them() -> None:
 def test_outputs_have_no_defaults() -> None:
     with pytest.raises(TypeError, match="missing 3 required"):
         Outputs()
+
+
+def test_a_record_of_a_table_has_a_port_for_each_row() -> None:
+    table = {"low": ("V", 1.0), "high": ("A", 2.0)}
+    limits = record_of("Limits", table, "{}_limit", lambda name, row: parameter(row[0], name, row[1]))
+    assert limits() == (1.0, 2.0) and limits.__name__ == "Limits"
+    assert [(port.name, port.unit) for port in _ports(limits)] == [("low.limit", "V"), ("high.limit", "A")]
 
 
 @pytest.mark.parametrize("name", sorted(components()))

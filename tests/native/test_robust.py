@@ -5,10 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -17,8 +19,9 @@ from parts import FOLDERS, Part, sample_time, some, tuned
 from refusals import refusals
 from unpacked_native import STRICT, Unpacked, bits, compiled_host, expected, outputs, unpack
 
-SANITIZED = ("-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
-KEPT = ROOT / "build" / "c_code"  # libraries by their sources and options
+SANITIZED = ("-g1", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
+KEPT = ROOT / "build" / "c_code"  # objects by their sources and options
+INCLUDED = re.compile(r'^#include "(.+)"', re.MULTILINE)
 OFTEN = ("drive_voltage", "mhe", "sensor")
 THREADS = """
 import sys, json
@@ -136,20 +139,36 @@ def test_decimal_comma_of_the_host_changes_nothing(natives: Path, german: str, t
 
 
 def sanitized(unpacked: Unpacked) -> list[str]:
-    """Compile the library of an FMU anew, so that it finds wrong accesses to memory; of the same sources once."""
+    """Compile the library of an FMU anew, so that it finds wrong accesses to memory."""
     folder, library = unpacked.folder / "sources", unpacked.library()
-    command = ["gcc", *STRICT, *SANITIZED, "-shared", "-fPIC", *(path.name for path in sorted(folder.glob("*.c")))]
-    content = [path.read_bytes() for path in sorted(folder.iterdir())]
-    kept = KEPT / f"{hashlib.sha256(repr((command, content)).encode()).hexdigest()[:32]}.so"
+    objects = [compiled(folder, path.name) for path in sorted(folder.glob("*.c"))]
+    gcc_said(["gcc", *SANITIZED, "-shared", *map(str, objects), "-o", str(library), "-lm"], folder)
+    return [gcc_said(["gcc", "-print-file-name=libasan.so"], folder).strip()]
+
+
+def compiled(folder: Path, name: str) -> Path:
+    """A source compiled once, also for other FMUs that have it: FMI 2.0 and 3.0 share kernels, components the rest."""
+    command = ["gcc", *STRICT, *SANITIZED, "-fPIC", "-c", name, "-o"]
+    kept = KEPT / f"{hashlib.sha256(repr((command, included(folder, name))).encode()).hexdigest()[:32]}.o"
     if not kept.exists():
-        command += ["-o", str(library), "-lm"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stderr
         KEPT.mkdir(parents=True, exist_ok=True)
-        Path(shutil.copy(library, kept.with_suffix(f".{os.getpid()}"))).replace(kept)
-    shutil.copy(kept, library)
-    found = subprocess.run(["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
-    return [found.stdout.strip()]
+        part = kept.with_suffix(f".{os.getpid()}")
+        gcc_said([*command, str(part)], folder)
+        part.replace(kept)
+    return kept
+
+
+def included(folder: Path, name: str) -> list[str]:
+    """Texts of a source and of what it includes, except from the system."""
+    text = (folder / name).read_text(encoding="utf-8")
+    return [text, *(more for header in INCLUDED.findall(text) for more in included(folder, header))]
+
+
+def gcc_said(command: Sequence[str], folder: Path) -> str:
+    """What it prints; nothing is wrong."""
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import re
 from collections.abc import Callable
 from functools import cache, partial
@@ -14,6 +15,7 @@ from wasmtime import Engine, Store
 from wasmtime.component import Component, Linker
 
 ENGINE = Engine()
+atexit.register(ENGINE.close)  # later, what it needs is no longer there
 PACKAGE, VERSION = "fmi:fmi3", "3.0.0"
 STATUS = ("ok", "warning", "discard", "error", "fatal")
 CALLBACKS, RESOURCES = (f"{PACKAGE}/{name}@{VERSION}" for name in ("callbacks", "resource-dir-callbacks"))
@@ -26,7 +28,9 @@ def binary(folder: Path, name: str) -> bytes:
 
 @cache
 def compiled(folder: Path, name: str) -> Component:
-    return Component(ENGINE, binary(folder, name))
+    component = Component(ENGINE, binary(folder, name))
+    atexit.register(component.close)
+    return component
 
 
 class Hosted:

@@ -15,6 +15,7 @@ from gapsense.kernels.layout import (
     Scalar,
     Table,
     Vector,
+    blank,
     choices,
     fields,
     flat,
@@ -118,3 +119,18 @@ def test_nested_structures_are_flattened_and_rebuilt() -> None:
     assert flatten(value) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     again = rebuild(value, iter([x * 10.0 for x in flatten(value)]))
     assert again[1][1].tolist() == [[30.0, 40.0]] and again[2] == Clashing(50.0, 60.0)
+
+
+class Plain(NamedTuple):
+    inner: Inner
+    P: Annotated[Array, Covariance(2)]
+    log: Annotated[Array, Memory(3)]
+    last: Scalar
+
+
+def test_a_blank_record_is_of_zeros_but_for_what_is_given() -> None:
+    found = blank(Plain, last=2.0)
+    assert names(Plain) == ["y_0", "y_1", "law", "P_00", "P_01", "P_11", "log", "last"]
+    assert flat(found) == [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, [0.0, 0.0, 0.0], 2.0]
+    with pytest.raises(TypeError, match="other"):
+        blank(Plain, other=1.0)

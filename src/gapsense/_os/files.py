@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 
 
 FOREIGN = frozenset('<>:"/\\|?*')  # characters
-DEVICE = re.compile(
-    r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9\u00b9\u00b2\u00b3])(\..*)?", re.IGNORECASE
-)  # of Windows
+# Of Windows:
+DEVICE = re.compile(r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9\u00b9\u00b2\u00b3])(\..*)?", re.IGNORECASE)
 LONGEST_NAME = 150  # bytes, so that there is room for what results have in front and behind
 UNBLOCKED = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # does not wait for bytes
 LARGEST = 2 * 10**9  # bytes of a file that is read at once

@@ -18,7 +18,7 @@ area of the loop.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from gapsense.actuators.magnetics import MU_0
 from gapsense.kernels.elementary import exp, log, tanh
@@ -49,30 +49,20 @@ class Core(NamedTuple):
     is_hysteretic: Scalar
 
 
-def make_core(
-    length: Scalar,
-    area: Scalar,
-    saturation: Scalar,
-    shape: Scalar,
-    coupling: Scalar,
-    pinning: Scalar,
-    reversible: Scalar,
-    is_hysteretic: Scalar,
-    is_saturable: Scalar,
-) -> Core:
-    """Core with the parameters of [RTS] Table I; alpha M_sat / (3 a) must be below 1."""
-    stretch = where(is_saturable, 1.0, UNSATURABLE)
-    slope, c = saturation / shape, where(is_hysteretic, reversible, 1.0)
+def make_core(par: Any, is_saturable: Scalar = True) -> Core:
+    """Core of a plant whose parameters have these names, [RTS] Table I; alpha M_sat / (3 a) must be below 1."""
+    is_hysteretic, stretch = par.hysteresis > 0.5, where(is_saturable, 1.0, UNSATURABLE)
+    slope, c = par.core_magnetization / par.core_shape, where(is_hysteretic, par.core_reversibility, 1.0)
     return Core(
-        length=length,
-        volume=MU_0 * area * length,
-        per_flux=1.0 / (MU_0 * area),
-        saturation=saturation * stretch,
-        shape=shape * stretch,
+        length=par.core_length,
+        volume=MU_0 * par.core_area * par.core_length,
+        per_flux=1.0 / (MU_0 * par.core_area),
+        saturation=par.core_magnetization * stretch,
+        shape=par.core_shape * stretch,
         slope=slope,
-        coupling=coupling,
-        uncoupled=1.0 - coupling,
-        pinning=pinning,
+        coupling=par.core_coupling,
+        uncoupled=1.0 - par.core_coupling,
+        pinning=par.core_pinning,
         reversible=c,
         reversible_slope=c * slope,
         steepest=(1.0 - c) * slope / 3.0,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from gapsense.kernels.elementary import log
 from gapsense.kernels.interpolate import Cubic, cubic, spline_piece
-from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.trace import cond, fabs, load, locate, square, where
 
 MU_0 = 4e-7 * math.pi  # [H/m]
@@ -23,17 +23,17 @@ class Circuit(NamedTuple):
     """Coil, gap and core; made once per step, outside the loops, so that its values are computed once."""
 
     turns: Scalar  # N [1]
-    is_table: Scalar  # gap law from the table
-    is_fringing: Scalar  # gap law with fringing; the linear one if neither
-    slope: Scalar  # k_air of the linear law [1/(H m)]
+    core_reluctance: Scalar  # R_iron0 [1/H]
+    core_saturation: Scalar  # lambda_sat [Wb]
     unfringed: Scalar  # r0 = 1/(mu0 A), slope of the gap reluctance without fringing [1/(H m)]
     fringing: Scalar  # k = 1/sqrt(A) [1/m]
     window: Scalar  # 2 G, twice the length along which the fringing flux bulges [m]
-    table_gap: Array  # increasing [m]
-    table_reluctance: Array  # [1/H]
-    table_slope: Array  # [1/(H m)]
-    core_reluctance: Scalar  # R_iron0 [1/H]
-    core_saturation: Scalar  # lambda_sat [Wb]
+    is_fringing: Scalar = True  # gap law with fringing
+    slope: Scalar = 0.0  # k_air of the linear law, if not [1/(H m)]
+    is_table: Scalar = False  # gap law from the table instead
+    table_gap: Array = ()  # increasing [m]
+    table_reluctance: Array = ()  # [1/H]
+    table_slope: Array = ()  # [1/(H m)]
 
 
 class Gap(NamedTuple):
@@ -88,11 +88,7 @@ class SmoothGap(NamedTuple):
 class LocalGap(NamedTuple):
     """A smooth gap law around a gap: that of a table is the polynomial between two of its rows."""
 
-    is_table: Scalar
-    closed: Scalar
-    unfringed: Scalar
-    fringing: Scalar
-    window: Scalar
+    law: SmoothGap
     piece: Cubic
 
 
@@ -105,26 +101,20 @@ def gap_near(h: Scalar, gap: SmoothGap) -> LocalGap:
     piece = cond(
         gap.is_table,
         lambda: spline_piece(h, gap.knots, gap.reluctance, gap.curvature),
-        lambda: Cubic(place=0.0, value=0.0, slope=0.0, curvature=0.0, change=0.0),
+        lambda: blank(Cubic),
     )
-    return LocalGap(
-        is_table=gap.is_table,
-        closed=gap.closed,
-        unfringed=gap.unfringed,
-        fringing=gap.fringing,
-        window=gap.window,
-        piece=piece,
-    )
+    return LocalGap(gap, piece)
 
 
 def local_gap_law(h: Scalar, gap: LocalGap) -> tuple[Scalar, Scalar, Scalar]:
     """Reluctance of the gap `h` [1/H], and its first and second derivative by the gap."""
+    law = gap.law
 
     def formula() -> tuple[Scalar, Scalar, Scalar]:
-        R, slope, curvature = fringing(h, gap.unfringed, gap.fringing, gap.window)
-        return gap.closed + R, slope, curvature
+        R, slope, curvature = fringing(h, law.unfringed, law.fringing, law.window)
+        return law.closed + R, slope, curvature
 
-    return cond(gap.is_table, lambda: cubic(h, gap.piece), formula)
+    return cond(law.is_table, lambda: cubic(h, gap.piece), formula)
 
 
 def smooth_gap_law(h: Scalar, gap: SmoothGap) -> tuple[Scalar, Scalar, Scalar]:

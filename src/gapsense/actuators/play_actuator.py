@@ -18,7 +18,7 @@ from gapsense.actuators.magnetics import Circuit
 from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.kernels.integrate import equal_parts, least, next_part, rk4_until
 from gapsense.kernels.interface import fixed, output, parameter, ports, same
-from gapsense.kernels.layout import Array, Scalar, Vector
+from gapsense.kernels.layout import Array, Scalar, Vector, blank
 from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import clip, cond, loop, not_, square, where
 
@@ -111,11 +111,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     act = _actuator(inputs, par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover))
-    state = State(
-        Continuous(flux_linkage=0.0, fast=0.0, slow=0.0, position=h, velocity=0.0),
-        vector([0.0] * len(ELEMENTS)),
-        Contact(mode, 0.0),
-    )
+    state = blank(State, at=blank(Continuous, position=h), contact=Contact(mode, 0.0))
     return state, _outputs(state, act)
 
 
@@ -130,15 +126,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 def _actuator(inputs: Inputs, par: Parameters) -> Actuator:
     circuit = Circuit(
         turns=par.coil_turns,
-        is_table=False,
-        is_fringing=True,
-        slope=0.0,
         unfringed=par.gap_slope,
         fringing=par.gap_fringing,
         window=par.gap_window,
-        table_gap=(),
-        table_reluctance=(),
-        table_slope=(),
         core_reluctance=par.core_reluctance,
         core_saturation=par.core_saturation,
     )

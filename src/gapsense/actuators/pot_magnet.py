@@ -25,7 +25,7 @@ from typing import Annotated, NamedTuple
 from gapsense.actuators.motion import Contact, hardest, rebound
 from gapsense.kernels.integrate import equal_parts, least, next_part, rk4_until
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
-from gapsense.kernels.layout import Choice, Scalar
+from gapsense.kernels.layout import Choice, Scalar, blank
 from gapsense.kernels.trace import clip, cond, fabs, loop, not_, square, where
 
 MU_0 = 1.257e-6  # as rounded in [HEKF] Table 1 [H/m]
@@ -146,16 +146,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest without flux, between the stops."""
     s = clip(par.initial_position, 0.0, par.stop_upper)
     mode = where(s <= 0.0, LOWER, where(s >= par.stop_upper, UPPER, FALLING))
-    state = State(
-        flux_linkage=0.0,
-        position=s,
-        velocity=0.0,
-        mode=mode,
-        dissipated_energy=0.0,
-        supplied_energy=0.0,
-        created_energy=0.0,
-        impact_speed=0.0,
-    )
+    state = blank(State, position=s, mode=mode)
     return state, _outputs(state, _magnet(inputs, par))
 
 

@@ -17,7 +17,7 @@ from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.kernels.integrate import equal_parts
 from gapsense.kernels.interface import COLUMN, choice, fixed, input_, option, output, parameter, ports, table
-from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.layout import Array, Choice, Scalar, Table, blank
 from gapsense.kernels.trace import clip, fabs, loop, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
@@ -126,18 +126,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     act = make_actuator(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, act.mover), motion.spring_force(h, act.mover), par.friction)
-    state = State(
-        flux=0.0,
-        effective_field=0.0,
-        position=h,
-        velocity=0.0,
-        mode=mode,
-        heat=0.0,
-        eddy_energy=0.0,
-        wall_work=0.0,
-        supplied_energy=0.0,
-        impact_speed=0.0,
-    )
+    state = blank(State, position=h, mode=mode)
     return state, _outputs(state, act, gap_at(act, h))
 
 
@@ -168,7 +157,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
 def make_actuator(inputs: Inputs, par: Parameters) -> Actuator:
     """Constants of a communication step."""
-    return actuator_of(inputs, par, _gap(par), core_of(par, par.saturation > 0.5), motion.mover_of(par, par.friction))
+    return actuator_of(inputs, par, _gap(par), make_core(par, par.saturation > 0.5), motion.mover_of(par, par.friction))
 
 
 def actuator_of(inputs: Any, par: Any, gap: Any, core: Core, mover: Mover) -> Actuator:
@@ -206,21 +195,6 @@ def _gap(par: Parameters) -> SmoothGap:
         knots=par.gap_file_gap,
         reluctance=par.gap_file_reluctance,
         curvature=par.gap_file_spline,
-    )
-
-
-def core_of(par: Any, is_saturable: Scalar = True) -> Core:
-    """The core by the parameters of a plant that have these names."""
-    return make_core(
-        length=par.core_length,
-        area=par.core_area,
-        saturation=par.core_magnetization,
-        shape=par.core_shape,
-        coupling=par.core_coupling,
-        pinning=par.core_pinning,
-        reversible=par.core_reversibility,
-        is_hysteretic=par.hysteresis > 0.5,
-        is_saturable=is_saturable,
     )
 
 

@@ -9,7 +9,7 @@ from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
 from gapsense.actuators.magnetics import Gap, LocalGap, SmoothGap
 from gapsense.actuators.motion import MOVING, Contact, Mover
-from gapsense.kernels.integrate import crossing, least, next_part, rk4
+from gapsense.kernels.integrate import least, next_part, rk4_until
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import cond, fabs, not_, where
 
@@ -198,27 +198,14 @@ def _move(
     mover = act.mover
     first = _rates_from(act, switches.walls, at, circuit)
     rates = partial(_moving_rates, act, magnetics.gap_near(at.h, act.gap), switches.walls)
-    after = partial(rk4, rates, at, first=first)
 
     def margin(y: Moving, watched: Electric) -> Scalar:
         clearance = least(y.h - mover.lower, mover.upper - y.h) / act.stroke
         return least(clearance, least(*switch(act, switches, watched)))
 
-    y, losses, watched = after(dt)
-
-    def shorter() -> Step:
-        def value(length: Scalar) -> Scalar:
-            y, _, watched = after(length)
-            return margin(y, watched)
-
-        length = crossing(value, dt, margin(at, first[2]), margin(y, watched))
-        then, losses, _ = after(length)
-        return _stopped(act, Step(length, then, contact, losses))
-
-    turning, thawing = switch(act, switches, watched)
-    is_beyond = (y.h < mover.lower) | (y.h > mover.upper) | (turning < 0.0) | (thawing < 0.0)
-    # `is_moving` spares many runs at once the search for a contact in those that rest: they compute both branches
-    return cond(is_moving & is_beyond, shorter, lambda: Step(dt, y, contact, losses))
+    dt, y, losses, ends = rk4_until(rates, at, dt, margin, is_moving, first)
+    done = Step(dt, y, contact, losses)
+    return cond(ends, lambda: _stopped(act, done), lambda: done)
 
 
 def _stopped(act: Actuator, done: Step) -> Step:
@@ -239,7 +226,7 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
     """Step on a stop, of the core only, up to the first release or switch if there is one."""
     spring, start = motion.spring_force(at.h, act.mover), Resting(at.flux, at.H_e)
     first = magnetic_rates(act, switches.walls, circuit.electric)
-    after = partial(rk4, partial(_resting_rates, act, switches.walls, circuit.gap.reluctance), start, first=first)
+    rates = partial(_resting_rates, act, switches.walls, circuit.gap.reluctance)
 
     def hold(flux: Scalar) -> Scalar:
         return act.mover.friction - motion.inward(contact.mode, magnetics.flux_force(flux, circuit.gap.slope) + spring)
@@ -247,24 +234,8 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
     def margin(y: Resting, watched: Electric) -> Scalar:
         return least(hold(y.flux), least(*switch(act, switches, watched)))
 
-    y, losses, watched = after(dt)
-
-    def shorter() -> Step:
-        def value(length: Scalar) -> Scalar:
-            y, _, watched = after(length)
-            return margin(y, watched)
-
-        length = crossing(value, dt, margin(start, first[2]), margin(y, watched))
-        then, losses, _ = after(length)
-        return Step(length, _at_rest(then, at.h), motion.released(hold(then.flux) < 0.0, contact), losses)
-
-    turning, thawing = switch(act, switches, watched)
-    is_beyond = (hold(y.flux) < 0.0) | (turning < 0.0) | (thawing < 0.0)
-    return cond(is_beyond, shorter, lambda: Step(dt, _at_rest(y, at.h), contact, losses))
-
-
-def _at_rest(core: Resting, h: Scalar) -> Moving:
-    return Moving(core.flux, core.H_e, h, 0.0)
+    dt, (flux, H_e), losses, _ = rk4_until(rates, start, dt, margin, first=first)
+    return Step(dt, Moving(flux, H_e, at.h, 0.0), motion.released(hold(flux) < 0.0, contact), losses)
 
 
 def _net_force(act: Actuator, flux: Scalar, h: Scalar) -> Scalar:

@@ -17,7 +17,7 @@ from gapsense.actuators.magnetics import MU_0, Circuit, Gap
 from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.kernels.integrate import crossing, equal_parts, least, next_part, rk4, rk4_until
 from gapsense.kernels.interface import COLUMN, choice, fixed, input_, output, parameter, ports, table
-from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.layout import Array, Choice, Scalar, Table, blank
 from gapsense.kernels.trace import clip, cond, loop, not_, sqrt, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
@@ -107,15 +107,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     valve = _valve(inputs, par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode = motion.leaving(motion.resting_mode(h, valve.mover), motion.spring_force(h, valve.mover))
-    state = State(
-        flux_linkage=0.0,
-        position=h,
-        velocity=0.0,
-        mode=mode,
-        dissipated_energy=0.0,
-        supplied_energy=0.0,
-        impact_speed=0.0,
-    )
+    state = blank(State, position=h, mode=mode)
     return state, _outputs(state, valve, gap_at(valve, h))
 
 

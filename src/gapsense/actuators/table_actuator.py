@@ -15,12 +15,12 @@ from typing import Annotated, Any, NamedTuple
 
 from gapsense.actuators import hysteresis, motion, reluctance_actuator, table_steps
 from gapsense.actuators.motion import MOVING
-from gapsense.actuators.reluctance_actuator import MICRO_STEPS, actuator_of, core_of
+from gapsense.actuators.reluctance_actuator import MICRO_STEPS, actuator_of
 from gapsense.actuators.reluctance_steps import Losses
 from gapsense.actuators.table_steps import Contact, Continuous, Device, device_of, micro_step
 from gapsense.kernels.interface import COLUMN, choice, fixed, option, output, parameter, ports, same, table
 from gapsense.kernels.interpolate import Surface
-from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.layout import Array, Choice, Scalar, Table, blank
 from gapsense.kernels.trace import clip, loop, where
 
 # ports of `ReluctanceActuator`
@@ -144,9 +144,9 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     dev = device(inputs._replace(voltage=0.0), par)
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode, depth = table_steps.sunk(dev, motion.resting_mode(h, dev.act.mover), h)
-    at = Continuous(flux=0.0, field=0.0, calm_field=0.0, position=h + (mode - MOVING) * depth, velocity=0.0)
-    contact = table_steps.settled(dev, at, Contact(mode, sliding=0.0, stop=mode, impact=0.0))
-    state = State(at, contact, heat=0.0, eddy_energy=0.0, wall_work=0.0, supplied_energy=0.0)
+    at = blank(Continuous, position=h + (mode - MOVING) * depth)
+    contact = table_steps.settled(dev, at, blank(Contact, mode=mode, stop=mode))
+    state = blank(State, at=at, contact=contact)
     return state, _outputs(state, dev)
 
 
@@ -175,7 +175,7 @@ def device(inputs: Any, par: Parameters) -> Device:
     """Constants of a communication step."""
     mover = motion.mover_of(par)
     mover = mover._replace(mass=par.mover_mass + par.mover_load)
-    return device_of(par, actuator_of(inputs, par, None, core_of(par), mover), _map(par))
+    return device_of(par, actuator_of(inputs, par, None, hysteresis.make_core(par), mover), _map(par))
 
 
 def _map(par: Parameters) -> Surface:

@@ -321,11 +321,7 @@ def _switched(dev: Device, at: Continuous, contact: Contact) -> tuple[Continuous
 
 def _touched(dev: Device, at: Continuous, contact: Contact) -> Contact:
     """Contact where an elastic stop is met, or left."""
-    return cond(
-        contact.mode == MOVING,
-        lambda: _hit(dev, at, contact),
-        lambda: contact._replace(mode=MOVING),
-    )
+    return cond(contact.mode == MOVING, lambda: _hit(dev, at, contact), lambda: contact._replace(mode=MOVING))
 
 
 def _landed(dev: Device, at: Continuous, contact: Contact) -> tuple[Continuous, Contact, Scalar]:

@@ -37,23 +37,18 @@ group = typer.Typer(
     help="Run the cases of a study file, thousands if need be; `campaign STUDY.toml` means `campaign run STUDY.toml`.",
 )
 cli.app.add_typer(group, name="campaign")
-Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result", show_default=False)]
-Export = Annotated[
-    Path | None, cli.Output.FILE, typer.Option(help="CSV or Parquet file to write, one row per run", show_default=False)
-]
+Result = Annotated[Path, typer.Argument(help="Folder of a campaign's result")]
+Export = Annotated[Path | None, cli.Output.FILE, typer.Option(help="CSV or Parquet file to write, one row per run")]
 
 
 @cli.command(RUN, group)
 def run(
-    study: Annotated[Path, typer.Argument(help="Study file", show_default=False)],
+    study: Annotated[Path, typer.Argument(help="Study file")],
     workers: Annotated[
         int | None, typer.Option(help="Processes", min=1, max=1000, show_default="one per processor")
     ] = None,
     scheduler: Annotated[
-        str | None,
-        typer.Option(
-            help="Address of a Dask scheduler, whose workers then do the runs: tcp://HOST:8786", show_default=False
-        ),
+        str | None, typer.Option(help="Address of a Dask scheduler, whose workers then do the runs: tcp://HOST:8786")
     ] = None,
     fmus: cli.Fmus = None,
     to: Annotated[

@@ -87,12 +87,10 @@ Scenario = Annotated[
         autocompletion=scenario_names,
     ),
 ]
-Variant = Annotated[str | None, typer.Option(help="Variant of the scenario", show_default=False)]
+Variant = Annotated[str | None, typer.Option(help="Variant of the scenario")]
 Set = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set", help="COMPONENT.PARAMETER=VALUE: replace a value; inputs and seeds work too", show_default=False
-    ),
+    typer.Option("--set", help="COMPONENT.PARAMETER=VALUE: replace a value; inputs and seeds work too"),
 ]
 Fmus = Annotated[
     Path | None,
@@ -125,7 +123,7 @@ class Output(Enum):
 
 Out = Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder for figures and numbers", callback=folder)]
 FigureFile = Annotated[Path, Output.FILE, typer.Option("--out", help="PNG, PDF or SVG file")]
-Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file", show_default=False)]
+Picture = Annotated[Path | None, Output.FILE, typer.Option("--figure", help="PNG, PDF or SVG file")]
 Workers = Annotated[int, typer.Option(help="Number of processes; results do not depend on it", min=1, max=1000)]
 Function = TypeVar("Function", bound=Callable[..., None])
 

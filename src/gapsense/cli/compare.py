@@ -19,20 +19,18 @@ if TYPE_CHECKING:
 
 @cli.command("compare")
 def compare(
-    result: Annotated[Path, typer.Argument(help="CSV file of a result, or a folder of results", show_default=False)],
-    reference: Annotated[Path, typer.Argument(help="Reference to compare with, of the same kind", show_default=False)],
+    result: Annotated[Path, typer.Argument(help="CSV file of a result, or a folder of results")],
+    reference: Annotated[Path, typer.Argument(help="Reference to compare with, of the same kind")],
     rtol: Annotated[float, typer.Option(help="Allowed difference as a share of the nominal value")] = RTOL,
     atol: Annotated[float, typer.Option(help="Allowed difference in the unit of the signal, in addition")] = 0.0,
     tolerances: Annotated[
-        list[str] | None,
-        typer.Option("--tolerance", help="PATTERN=RTOL or PATTERN=RTOL,ATOL: for these signals", show_default=False),
+        list[str] | None, typer.Option("--tolerance", help="PATTERN=RTOL or PATTERN=RTOL,ATOL: for these signals")
     ] = None,
     edge_steps: Annotated[
         int, typer.Option(help="Steps of its component by which an edge may come earlier or later", min=0)
     ] = EDGE_STEPS,
     signals: Annotated[
-        list[str] | None,
-        typer.Option("--signal", help="Signal or pattern to compare; all others are ignored", show_default=False),
+        list[str] | None, typer.Option("--signal", help="Signal or pattern to compare; all others are ignored")
     ] = None,
     after: Annotated[float, typer.Option(help="Only rows from this time on [s]", show_default=False)] = -math.inf,
     before: Annotated[float, typer.Option(help="Only rows up to this time [s]", show_default=False)] = math.inf,
@@ -99,8 +97,7 @@ def converge(
     ] = math.inf,
     tolerance: Annotated[float, typer.Option(help="Largest error, as a share of the range of a signal")] = 1e-3,
     keep: Annotated[
-        list[str] | None,
-        typer.Option(help="Component that keeps its instants, as those with a `sample_time` do", show_default=False),
+        list[str] | None, typer.Option(help="Component that keeps its instants, as those with a `sample_time` do")
     ] = None,
     settings: cli.Set = None,
     native: cli.Native = False,
@@ -108,9 +105,7 @@ def converge(
         bool, typer.Option("--write", help="Write what was measured beside the scenario; `check` then reminds no more")
     ] = False,
     export: Annotated[
-        Path | None,
-        cli.Output.FILE,
-        typer.Option(help="CSV or JSON file to write, one row per signal", show_default=False),
+        Path | None, cli.Output.FILE, typer.Option(help="CSV or JSON file to write, one row per signal")
     ] = None,
     figure: cli.Picture = None,
 ) -> None:

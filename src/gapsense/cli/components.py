@@ -34,9 +34,7 @@ Root = Annotated[
 
 @command("build")
 def build(
-    names: Annotated[
-        list[str] | None, typer.Argument(help="Components; all if none is named", show_default=False)
-    ] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="Components; all if none is named")] = None,
     to: Annotated[
         Path | None,
         Output.FOLDER,
@@ -44,9 +42,7 @@ def build(
     ] = None,
     parameters: Annotated[
         list[Path] | None,
-        typer.Option(
-            help="Parameter-set file of start values; each FMU takes the parameters that it has", show_default=False
-        ),
+        typer.Option(help="Parameter-set file of start values; each FMU takes the parameters that it has"),
     ] = None,
     root: Root = None,
     native: Annotated[bool, typer.Option("--native", help="Build native FMUs from C, in build/native")] = False,
@@ -141,11 +137,7 @@ def list_(root: Root = None) -> None:
 def info(
     name: Annotated[
         str,
-        typer.Argument(
-            help="Component, as `gapsense list` names it, or any FMU file",
-            show_default=False,
-            autocompletion=component_names,
-        ),
+        typer.Argument(help="Component, as `gapsense list` names it, or any FMU file", autocompletion=component_names),
     ],
     fmus: Fmus = None,
 ) -> None:

@@ -22,8 +22,8 @@ FLOAT = Real("float")
 
 @command("export-c")
 def export_c(
-    names: Annotated[list[str], typer.Argument(help="Components, see `gapsense list`", show_default=False)],
-    to: Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder to write to", show_default=False)],
+    names: Annotated[list[str], typer.Argument(help="Components, see `gapsense list`")],
+    to: Annotated[Path, Output.FOLDER, typer.Option("--out", help="Folder to write to")],
     real: Annotated[Real, typer.Option(help="Type of all numbers")] = FLOAT,
     outputs: Annotated[
         list[str] | None,
@@ -33,14 +33,9 @@ def export_c(
     ] = None,
     parameters: Annotated[
         list[Path] | None,
-        typer.Option(
-            help="Parameter-set file of start values; each component takes the parameters that it has",
-            show_default=False,
-        ),
+        typer.Option(help="Parameter-set file of start values; each component takes the parameters that it has"),
     ] = None,
-    settings: Annotated[
-        list[str] | None, typer.Option("--set", help="PARAMETER=VALUE: another start value", show_default=False)
-    ] = None,
+    settings: Annotated[list[str] | None, typer.Option("--set", help="PARAMETER=VALUE: another start value")] = None,
     bake: Annotated[bool, typer.Option("--bake", help="Make the parameters constants of the code")] = False,
     lean: Annotated[
         bool, typer.Option("--lean", help="Use the form with fewer operations, whose rounding differs (semera only)")
@@ -49,8 +44,7 @@ def export_c(
         bool, typer.Option("--loop", help="Add the program of a board that is a component of a co-simulation")
     ] = False,
     ram: Annotated[
-        int | None,
-        typer.Option(help="Bytes of RAM that the part has: what does not fit is refused", min=1, show_default=False),
+        int | None, typer.Option(help="Bytes of RAM that the part has: what does not fit is refused", min=1)
     ] = None,
     root: Root = None,
 ) -> None:

@@ -24,7 +24,7 @@ MINIMAL = Path(__file__).with_suffix(".toml")
 
 @command("new")
 def new(
-    folder: Annotated[Path, typer.Argument(help="Folder to make", show_default=False)],
+    folder: Annotated[Path, typer.Argument(help="Folder to make")],
     like: Annotated[
         str | None, typer.Option(help="Example to copy, see `gapsense list`", show_default="a minimal scenario")
     ] = None,

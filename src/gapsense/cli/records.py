@@ -19,18 +19,10 @@ from gapsense.shipped import record
 
 
 def of(function: Callable[..., functions.Found], title: str, more: str = "", **own: Path | str) -> Callable[..., None]:
-    """A function as a command.
+    """A function as a command; the first line of its docstring is that of the help, and `more` the rest.
 
-    Parameters
-    ----------
-    function : callable
-        What it calls; the first line of its docstring is that of the help.
-    title : str
-        Of the progress bar, where the function tells its progress.
-    more : str
-        The rest of the help.
-    own : Path or str
-        What holds in place of the function's defaults: a path, or a sentence on one.
+    The progress bar has the `title`, where the function tells its progress. What is `own` holds in place of the
+    function's defaults: a path, or a sentence on one.
     """
     arguments = dict(signature(function).parameters)
     has_progress = arguments.pop("progress", None) is not None

@@ -22,9 +22,7 @@ LOOKED_AT = 10**5  # bytes
 
 @command("report")
 def report(
-    results: Annotated[
-        list[Path], typer.Argument(help="CSV files of runs or sweeps, folders of campaigns", show_default=False)
-    ],
+    results: Annotated[list[Path], typer.Argument(help="CSV files of runs or sweeps, folders of campaigns")],
     to: Annotated[
         Path | None,
         Output.FILE,

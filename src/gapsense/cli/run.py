@@ -84,6 +84,7 @@ def save(result: cosim.Result, file: Path) -> bool:
     """Save a result; true after Ctrl-C meanwhile, which may have been meant for the run: only the next one stops it."""
 
     def tell() -> None:
+        """Say what a Ctrl-C has to wait for."""
         if interrupts() == 1:
             notice(f"interrupted; {file} is being written. Ctrl-C again stops that.")
 

@@ -112,7 +112,7 @@ def sweep(
 
 @cli.command("figure")
 def figure(
-    scenario: Annotated[Path, typer.Argument(help="Scenario, or the CSV of a saved result", show_default=False)],
+    scenario: Annotated[Path, typer.Argument(help="Scenario, or the CSV of a saved result")],
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     to: Annotated[
@@ -155,9 +155,7 @@ def read_saved(file: Path, *options: object) -> cosim.Result:
 def test(
     folder: Annotated[Path, typer.Argument(help="Folder with scenarios at any depth")] = Path("scenarios"),
     fmus: cli.Fmus = None,
-    junit: Annotated[
-        Path | None, cli.Output.FILE, typer.Option(help="JUnit XML file to write", show_default=False)
-    ] = None,
+    junit: Annotated[Path | None, cli.Output.FILE, typer.Option(help="JUnit XML file to write")] = None,
     native: cli.Native = False,
     engine: cli.EngineOfTests = "fmu",
     figures: Annotated[Path, typer.Option(help="Folder for figures of signals that differ from a baseline")] = FAILED,

@@ -18,9 +18,7 @@ Method = Enum("Method", {"gauss-seidel": "gauss-seidel", "jacobi": "jacobi"}, ty
 @cli.command("export-ssp")
 def export_ssp(
     scenario: cli.Scenario,
-    to: Annotated[
-        Path, cli.Output.FILE, typer.Option("--out", help="Package to write, with the ending .ssp", show_default=False)
-    ],
+    to: Annotated[Path, cli.Output.FILE, typer.Option("--out", help="Package to write, with the ending .ssp")],
     variant: cli.Variant = None,
     fmus: cli.Fmus = None,
     settings: cli.Set = None,
@@ -40,8 +38,8 @@ def export_ssp(
 
 @cli.command("import-ssp")
 def import_ssp(
-    package: Annotated[Path, typer.Argument(help="System structure package (.ssp)", show_default=False)],
-    to: Annotated[Path, cli.Output.FOLDER, typer.Option("--out", help="Folder to make", show_default=False)],
+    package: Annotated[Path, typer.Argument(help="System structure package (.ssp)")],
+    to: Annotated[Path, cli.Output.FOLDER, typer.Option("--out", help="Folder to make")],
     step: Annotated[
         float | None, typer.Option(help="Base step [s]", show_default="from annotations of known tools")
     ] = None,

@@ -7,6 +7,7 @@ more once that is on its stop.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from gapsense.control import laws
 from gapsense.control.coil import open_flux, wandering
@@ -20,26 +21,40 @@ from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, 
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
-HIT, VAGUE = 0.4, 4.0  # a stop that no contact tells is hit beyond this speed [m/s] and so many standard deviations
-ALONE = 0.55  # the same without a contact [m/s]
+VAGUE = 4.0  # standard deviations of a speed that noise may explain
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.97)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
 LARGE = 0.5  # of the flux linkage that balances the spring at first: with less the bend is that of the voltage
-LATEST = 1e-3  # time after the planned arrival in which a stop is still heard without a contact [s]
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
 APART = 0.12  # of the reluctance of a seated mover: beyond this, and noise, it has not arrived in time
 BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
-CORE, BEYOND = 0.4, 0.66  # share of a bend that makes it the core's; a bend that is a hit for all that [m/s]
-CORE_ALONE, BEYOND_ALONE = 0.6, 0.9  # the same without a contact, whose bounds of a hit are higher
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
 FOLLOW = (0.1, 0.02)  # share by which that of closings, of openings follows a mover that seems farther away
 HELD = 0.5  # of the flux linkage that balances the spring at the lower stop: with less no mover stays there
 UNKNOWN = 1e3  # error of what was not measured
+
+
+class Bounds(NamedTuple):
+    """Which bends of the current are hits."""
+
+    hit: Scalar  # speed beyond which a stop that no contact tells is hit, and which noise does not explain [m/s]
+    latest: Scalar  # time after the planned arrival in which it is still heard [s]
+    core: Scalar  # share of a bend that makes it the core's
+    beyond: Scalar  # speed of a bend that is a hit for all that [m/s]
+
+
+WITH_CONTACT = Bounds(hit=0.4, latest=0.0, core=0.4, beyond=0.66)
+ALONE = Bounds(hit=0.55, latest=1e-3, core=0.6, beyond=0.9)
+
+
+def choose_bounds(state: State) -> Bounds:
+    """Without a contact they are higher."""
+    return Bounds(*(where(state.by_model > 0.0, a, b) for a, b in zip(ALONE, WITH_CONTACT)))
 
 
 def watched(state: State, par: Parameters) -> Heard:
@@ -54,15 +69,13 @@ def watched(state: State, par: Parameters) -> Heard:
 
     def looked() -> tuple[Scalar, Scalar]:
         speed, noise = _impact(state, at, par)
-        least = where(state.by_model > 0.0, ALONE, HIT) + VAGUE * noise
-        is_harder = (speed > heard.hardest) & (speed > least)
+        is_harder = (speed > heard.hardest) & (speed > choose_bounds(state).hit + VAGUE * noise)
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
     def near() -> tuple[Scalar, Scalar]:
         plan = _plan(running, par)
         is_near = at * par.sample_time > plan.lead + where(running.command > 0.5, *NEAR) * plan.travel
-        last = plan.lead + arrival(plan) + where(state.by_model > 0.0, LATEST, 0.0)
-        is_near = is_near & (running.age * par.sample_time <= last)
+        is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan) + choose_bounds(state).latest)
         place = running.command * LONGEST + where(at > 0.0, at, 0.0)
         is_near = is_near & (load(state.fluxes, place) > LARGE * running.balance_flux)
         return cond(is_near, looked, before)
@@ -112,14 +125,15 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     slope, _ = gap_slopes(m.gap.smallest, m)
     seated = _reluctance(state, landing, par)
     growth = (_reluctance(state, later, par) - seated) / where(more > RISEN, more, 1.0)
+    bounds = choose_bounds(state)
     is_kept = (
         is_kept
         & (more > RISEN)
-        & (heard.hardest < where(is_alone, BEYOND_ALONE, BEYOND))
+        & (heard.hardest < bounds.beyond)
         & (is_alone | (running.speed < SLOW * par.approach_first))
         & (_reluctance(state, hit, par) < seated)
     )
-    return is_kept & (growth * bend > where(is_alone, CORE_ALONE, CORE) * slope * heard.hardest)
+    return is_kept & (growth * bend > bounds.core * slope * heard.hardest)
 
 
 def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:

@@ -6,7 +6,7 @@ from gapsense.control.mover import balance, make_mover
 from gapsense.control.records import Coil, Inputs, Parameters
 from gapsense.estimators.gap import gap, make_gap
 from gapsense.estimators.readings import can_be_read
-from gapsense.kernels.layout import Scalar
+from gapsense.kernels.layout import Scalar, blank
 from gapsense.kernels.trace import clip, fabs, not_, sqrt, square, where
 
 FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
@@ -38,33 +38,18 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
     R = par.coil_resistance
     u = where(can_be_read(inputs.voltage, LARGEST * par.voltage_most), inputs.voltage, 0.0)
     i = where(can_be_read(inputs.current, LARGEST * par.voltage_most / R), inputs.current, 0.0)
-    return Coil(
-        flux=0.0,
-        remanence=0.0,
-        charge=0.0,
-        asked=0.0,
+    return blank(
+        Coil,
         bridge_gain=1.0,
-        voltage_zero=0.0,
         last_voltage=u,
         last_current=i,
-        far=0.0,
-        change=0.0,
         noise=NOISY * usual_current(par),
-        calm=0.0,
         resistance=R,
         measured=R,
-        trend=0.0,
         held_voltage=u,
         held_current=i,
         late_current=i,
-        highest=0.0,
-        lowest=0.0,
-        rise=0.0,
-        zero=0.0,
-        top=0.0,
-        shift=0.0,
         needed=DRIVEN * usual_current(par),
-        drawn=0.0,
         balanced=R,
     )
 

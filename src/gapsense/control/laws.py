@@ -6,10 +6,9 @@ for a while no approach is slower than that.
 
 from __future__ import annotations
 
-from gapsense.control.mover import NUMBERS
 from gapsense.control.records import LAW, Law, Parameters
-from gapsense.kernels.layout import Array, Scalar, triangle
-from gapsense.kernels.linalg import diagonal, matrix, vector
+from gapsense.kernels.layout import Array, Scalar, blank, flat, record
+from gapsense.kernels.linalg import diagonal
 from gapsense.kernels.trace import load, store, where
 
 BEFORE = (0.2, 0.15, 0.2, 0.15)  # standard deviations of a, b, q, r before anything is learnt
@@ -21,43 +20,31 @@ LATE = 0.4  # first travels after the planned arrival
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
 LIMITED = 5.0  # samples at a limit of the voltage that are too many
 UNFOLLOWED = 0.3  # of a travel at a limit: the flux linkage was another one than the profile
-PAIRS = triangle(NUMBERS)
-SPREAD = slice(NUMBERS, NUMBERS + len(PAIRS))  # entries of a covariance in memory
 
 
 def read(laws: Array, half: Scalar) -> Law:
     """What is known of a kind of operation."""
-    entries = [load(laws, half * LAW + k) for k in range(LAW)]
-    P, rest = entries[SPREAD], entries[SPREAD.stop :]
-    cov = matrix([[P[PAIRS.index((min(i, j), max(i, j)))] for j in range(NUMBERS)] for i in range(NUMBERS)])
-    slopes, trend, others = rest[:NUMBERS], rest[NUMBERS : 2 * NUMBERS], rest[2 * NUMBERS :]
-    return Law(vector(entries[:NUMBERS]), cov, vector(slopes), vector(trend), *others)
+    law: Law = record(Law, [load(laws, half * LAW + k) for k in range(LAW)])
+    return law
 
 
 def write(laws: Array, half: Scalar, law: Law) -> Array:
-    """The memory with it."""
-    entries = [*law.mean, *(law.cov[i, j] for i, j in PAIRS), *law.slopes, *law.trend, *law[4:]]
-    for k, entry in enumerate(entries):
+    """`laws` with one kind of operation replaced."""
+    for k, entry in enumerate(flat(law)):
         laws = store(laws, half * LAW + k, entry)
     return laws
 
 
 def first(travel: Scalar, par: Parameters) -> Law:
     """Before anything is learnt."""
-    cov = diagonal([s * s for s in BEFORE])
-    return Law(
-        mean=vector([0.0] * NUMBERS),
-        cov=cov,
-        slopes=vector([0.0] * NUMBERS),
-        trend=vector([0.0] * NUMBERS),
+    return blank(
+        Law,
+        cov=diagonal([s * s for s in BEFORE]),
         speed=par.approach_first,
         floor=par.approach_least,
         travel=travel,
-        missed=0.0,
-        length=0.0,
         was_plain=1.0,
         was_followed=1.0,
-        seated=0.0,
     )
 
 

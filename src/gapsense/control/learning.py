@@ -16,7 +16,7 @@ from gapsense.control.profile import stops
 from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
 from gapsense.estimators.kalman import Gaussian, condition
 from gapsense.kernels.elementary import log
-from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.layout import Array, Scalar, flat, record
 from gapsense.kernels.linalg import diagonal, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, load, square, where
 
@@ -65,11 +65,10 @@ def measured(state: State, at: Scalar) -> Scalar:
 def _next(course: Pass, state: State, m: Mover, par: Parameters) -> Pass:
     """The next sample, if there is one."""
     at = where(course.at <= course.last, course.at, course.last)
-    z, v, *rest = course.motion
     squared = squares(measured(state, at - 1.0), measured(state, at))
-    new = moved(Motion(z, v, vector(rest[:NUMBERS]), vector(rest[NUMBERS:])), squared, par.sample_time, m)
+    new = moved(record(Motion, course.motion), squared, par.sample_time, m)
     is_new = course.at <= course.last
-    motion = vector([where(is_new, a, b) for a, b in zip(_entries(new), course.motion)])
+    motion = vector([where(is_new, a, b) for a, b in zip(flat(new), course.motion)])
     return course._replace(motion=motion, at=where(is_new, at + 1.0, course.at))
 
 
@@ -84,15 +83,11 @@ def begun(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: P
     last = where(has_landed, contact.landing, contact.takeoff)
     first = where(has_left, contact.takeoff, 0.0)
     span = (first, first, where(has_left, last, -1.0), where(has_landed, 1.0, 0.0))
-    course = Pass(half, *span, correction, impact, _entries(started(z0)))
+    course = Pass(half, *span, correction, impact, vector(flat(started(z0))))
     is_stuck = (contact.began > 0.0) & (contact.takeoff < 1.0) & (law.was_followed > 0.0)
     a = law.mean[0] + where(is_stuck, where(half > 0.0, STUCK, -STUCK), 0.0)
     law = law._replace(mean=vector([clip(a, -LARGEST, LARGEST), *law.mean[1:]]))
     return state._replace(course=course, laws=laws.write(state.laws, half, law))
-
-
-def _entries(at: Motion) -> Array:
-    return vector([at.position, at.velocity, *at.by_position, *at.by_velocity])
 
 
 def _concluded(state: State, m: Mover, par: Parameters) -> State:

@@ -8,11 +8,11 @@ Neither the coil nor the core is in it.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.estimators.gap import Gap, gap, make_gap
 from gapsense.kernels.elementary import exp
-from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.layout import Array, Scalar, Vector, blank
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, square, where
 
@@ -42,8 +42,8 @@ class Motion(NamedTuple):
 
     position: Scalar
     velocity: Scalar
-    by_position: Array  # (4,)
-    by_velocity: Array  # (4,)
+    by_position: Annotated[Array, Vector(4)]
+    by_velocity: Annotated[Array, Vector(4)]
 
 
 def make_mover(par: Any) -> Mover:
@@ -83,7 +83,7 @@ def squared_flux(z: Scalar, v: Scalar, a: Scalar, m: Mover) -> Scalar:
 
 def started(z: Scalar) -> Motion:
     """At rest."""
-    return Motion(z, 0.0, vector([0.0] * NUMBERS), vector([0.0] * NUMBERS))
+    return blank(Motion, position=z)
 
 
 def moved(at: Motion, squared: Scalar, dt: Scalar, m: Mover) -> Motion:

@@ -8,12 +8,23 @@ from gapsense.estimators import reduced_model
 from gapsense.estimators.mhe import model as mhe_model
 from gapsense.estimators.reduced_model import GapLaw
 from gapsense.kernels.interface import choice, input_, measured, output, parameter, ports, same, sample_time
-from gapsense.kernels.layout import COUNT, Array, Choice, Count, Memory, Scalar, Table, Vector, Whole
+from gapsense.kernels.layout import (
+    COUNT,
+    Array,
+    Choice,
+    Count,
+    Covariance,
+    Memory,
+    Scalar,
+    Table,
+    Vector,
+    Whole,
+    blank,
+    names,
+)
 
 LONGEST = 1024  # samples of an operation that are kept
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
-LAW = 30  # numbers of a `Law`
-LAW_SPANS = (*[None] * 26, COUNT, None, None, None)  # its `length` is a count
 BAD = 6.0  # misfit of an estimate that is not believed
 
 
@@ -143,10 +154,10 @@ class Outputs(NamedTuple):
 class Law(NamedTuple):
     """What is known of one kind of operation."""
 
-    mean: Array  # a, b, q, r of the mover
-    cov: Array  # (4, 4)
-    slopes: Array  # of the position at a soft landing by a, b, q, r: their mean of late, (4,)
-    trend: Array  # change of a, b, q, r from operation to operation, (4,)
+    mean: Annotated[Array, Vector(4)]  # a, b, q, r of the mover
+    cov: Annotated[Array, Covariance(4)]
+    slopes: Annotated[Array, Vector(4)]  # of the position at a soft landing by a, b, q, r: their mean of late
+    trend: Annotated[Array, Vector(4)]  # change of a, b, q, r from operation to operation
     speed: Scalar  # of the next approach [m/s]
     floor: Scalar  # below which that does not come [m/s]
     travel: Scalar  # [s]
@@ -155,6 +166,10 @@ class Law(NamedTuple):
     was_plain: Scalar  # 1: that was an ordinary one
     was_followed: Scalar  # 1: in that the flux linkage could follow the profile
     seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
+
+
+LAW = len(names(Law))  # numbers in memory
+LAW_SPANS = tuple(COUNT if name == "length" else None for name in names(Law))
 
 
 class Running(NamedTuple):
@@ -250,7 +265,7 @@ class Noted(NamedTuple):
     open: Scalar  # an ordinary closing has left the mover open
 
 
-NOTHING = Noted(*[0.0] * len(Noted._fields))
+NOTHING = blank(Noted)
 
 
 class State(NamedTuple):

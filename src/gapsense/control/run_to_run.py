@@ -48,8 +48,6 @@ from gapsense.control.profile import stops
 from gapsense.control.records import (
     BAD,
     CLOSING,
-    LAW,
-    LONGEST,
     NOTHING,
     OPENING,
     Coil,
@@ -65,7 +63,7 @@ from gapsense.control.records import (
 )
 from gapsense.control.tracking import believed, is_late, mover_of, planned, tracked
 from gapsense.estimators.readings import can_be_read
-from gapsense.kernels.layout import Array, Scalar, zeros
+from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where
 
@@ -234,26 +232,20 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     return state._replace(
         noted=state.noted._replace(unexplained=where(is_unexplained, 1.0, state.noted.unexplained)),
         laws=laws.write(state.laws, half, laws.started(law, is_plain)),
-        running=Running(
+        running=blank(
+            Running,
             command=half,
-            age=0.0,
             is_plain=where(is_plain, 1.0, 0.0),
             start_flux=start,
             speed=law.speed,
             travel=law.travel,
             learnt=learnt,
             balance_flux=sqrt(balance(z0, m)),
-            wanted=0.0,
-            limited=0.0,
-            since_limit=0.0,
             due=due(planned(half, law.speed, law.travel, 0.0, par), par),
-            is_judged=0.0,
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
-            strain=0.0,
-            drawn_till_told=0.0,
         ),
-        heard=Heard(last_mode=inputs.mode, began=began, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
+        heard=blank(Heard, last_mode=inputs.mode, began=began),
         alarm=where(state.alarm > 0.0, state.alarm - 1.0, 0.0),
         since_plain=where(is_closing & is_plain, 0.0, state.since_plain),
         by_model=where(starts_again & (par.law == LawKind.contact), 0.0, state.by_model),
@@ -300,57 +292,29 @@ IDLE, LEARNING, TRACKING, SHORT, BACK, OPEN = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0  # st
 
 def _first(par: Parameters) -> Running:
     """The open actuator before the first command."""
-    return Running(
+    return blank(
+        Running,
         command=OPENING,
-        age=0.0,
         is_plain=1.0,
-        start_flux=0.0,
         speed=par.approach_first,
         travel=par.opening_travel,
         learnt=vector([*believed(par), 0.0, 0.0, 0.0, 0.0]),
-        balance_flux=0.0,
-        wanted=0.0,
-        limited=0.0,
-        since_limit=0.0,
-        due=0.0,
         is_judged=1.0,
-        last_age=0.0,
         last_is_judged=1.0,
-        strain=0.0,
-        drawn_till_told=0.0,
     )
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Open, without flux; nothing happens before the first command."""
-    state = State(
+    state = blank(
+        State,
         coil=first_coil(inputs, par),
         running=_first(par),
-        heard=Heard(last_mode=inputs.mode, began=0.0, takeoff=0.0, landing=0.0, hardest=0.0, hit=0.0),
-        course=Pass(
-            half=0.0, left=0.0, at=0.0, last=-1.0, landed=0.0, correction=0.0, impact=0.0, motion=vector([0.0] * 10)
-        ),
-        noted=NOTHING,
-        explained=0.0,
-        remembered=vector([*NOTHING]),
-        warnings=0.0,
-        laws=zeros(2 * LAW),
-        fluxes=zeros(2 * LONGEST),
-        profiles=zeros(2 * LONGEST),
-        charges=zeros(2 * LONGEST),
-        errors=zeros(2 * LONGEST),
-        cycles=0.0,
-        since_plain=0.0,
-        explained_well=0.0,
-        landed_hard=0.0,
+        heard=blank(Heard, last_mode=inputs.mode),
+        course=blank(Pass, last=-1.0),
         by_model=where(par.law == LawKind.model, 1.0, 0.0),
         first_mass=inputs.estimated_mass,
         smoothed_until=inputs.time,
-        is_ready=0.0,
-        is_strong=0.0,
-        is_open=0.0,
-        fell=0.0,
-        alarm=0.0,
     )
     return state, _outputs(state, 0.0)
 

@@ -12,6 +12,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from gapsense._os.offered import offered
+
 if TYPE_CHECKING:
     from gapsense.cosim.check import check as check
     from gapsense.cosim.check import find_fmus as find_fmus
@@ -50,31 +52,7 @@ if TYPE_CHECKING:
     from gapsense.problems import FmuError as FmuError
     from gapsense.problems import ScenarioError as ScenarioError
 
-OF_MODULES = {
-    "run.checkpoint": ("Checkpoint",),
-    "result.compare": ("compare",),
-    "scenario.read": ("changed", "load", "scenario_file"),
-    "run.master": ("Master",),
-    "result.metrics": ("Measured",),
-    "result.pairs": ("compare_results",),
-    "check": ("check", "find_fmus", "prepare", "remarks"),
-    "convergence": ("Convergence", "converge"),
-    "result.result": ("Result", "read_result"),
-    "regression": (
-        *("Outcome", "Update", "find_scenarios", "test_scenario", "test_scenarios", "update_baseline", "write_junit"),
-    ),
-    "run.run": ("run", "run_once"),
-    "scenario.records": ("Scenario",),
-    "sensitivity": ("Growth", "sensitivity"),
-    "result.sidecar": ("own_file", "refuse_other", "relative", "result_file"),
-}
-OFFERED = {name: f"{__name__}.{module}" for module, names in OF_MODULES.items() for name in names}
-OFFERED |= {
-    "FmuError": "gapsense.problems",
-    "ScenarioError": "gapsense.problems",
-    "sweep": "gapsense.many.sweep",
-    "Sweep": "gapsense.many.sweep",
-}
+OFFERED = offered(__file__)  # module of each name in the block above
 
 
 def __getattr__(name: str) -> Any:

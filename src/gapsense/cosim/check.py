@@ -299,8 +299,9 @@ class Checker:
         if prod(lengths) > MOST_POINTS:
             found = f"{' x '.join(map(str, lengths))} values make {prod(lengths):.9g} combinations"
             yield f"sweep: {found}, at most {MOST_POINTS} are allowed. Shorten a list."
-        of_components = {port: values for port, values in self.scenario.swept.items() if not self.is_event(port)}
-        for port, values in of_components.items():
+        for port, values in self.scenario.swept.items():
+            if port.component == SECTION and SECTION not in self.scenario.components:
+                continue  # it varies a key of an event
             if port.component not in self.scenario.components:
                 yield f"sweep.{port}: {self.no_component(port.component)}"
             elif port.variable == "seed" and port.component in self.scenario.seeds:
@@ -318,10 +319,6 @@ class Checker:
                 problems: list[str] = []
                 events = varied(self.scenario.events, {Port(SECTION, n): v for n, v in swept.items()}, problems)
                 yield from problems or self.of_events(events, f"sweep, {SECTION}")
-
-    def is_event(self, port: Port) -> bool:
-        """True if a sweep varies a key of an event."""
-        return port.component == SECTION and SECTION not in self.scenario.components
 
     def of_events(self, events: Mapping[str, Event], place: str) -> Iterator[str]:
         """Problems of events."""
@@ -547,6 +544,7 @@ def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
     is_controlled, base = scenario.experiment.step_control is not None, scenario.experiment.base_step
 
     def own(component: Component) -> Component:
+        """The component with the values that it has parameters for, and the step that its samples ask for."""
         names = {v.name for v in descriptions[component.name].of("parameter")}
         files = {path.name for path in component.sets}
         values = {n: v for n, v in component.values.items() if n in names or component.origin[n] not in files}

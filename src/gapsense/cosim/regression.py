@@ -223,17 +223,7 @@ def update_baseline(
     write: bool = False,
     isolation: str | None = None,
 ) -> Update:
-    """Run a scenario and say what a new baseline would change; write it only if told to.
-
-    Parameters
-    ----------
-    scenario, variant, fmus : str or Path
-        As in `run`.
-    write : bool
-        Write the new baseline if anything changes.
-    isolation : str, optional
-        As in `run`.
-    """
+    """Run a scenario, as `run` does, and say what a new baseline would change; write it only if told to."""
     read = load(scenario, variant)
     baseline = read.baseline
     if write:

@@ -52,15 +52,7 @@ class Growth:
 def sensitivity(scenario: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> list[Growth]:
     """Run a scenario as it is and some times with all numbers a little changed, and compare.
 
-    Parameters
-    ----------
-    scenario, variant, fmus : str or Path
-        As in `run`.
-
-    Returns
-    -------
-    list of Growth
-        For each signal that the baseline covers, of all draws the worst; the most sensitive ones first.
+    The growth of each signal that the baseline covers is that of the worst draw; the most sensitive ones come first.
     """
     read, descriptions = prepare(scenario, variant, fmus)
     changed = (perturbed(read, descriptions, PERTURBATION, draw) for draw in range(DRAWS))
@@ -100,6 +92,7 @@ def perturbed(scenario: Scenario, descriptions: Mapping[str, Description], size:
     """The scenario with all parameters and constant inputs changed by this much, up or down."""
 
     def other(component: Component) -> Component:
+        """The component with every numeric parameter changed, also those that it leaves at their start values."""
         description = descriptions[component.name]
         values = {v.name: component.values.get(v.name, v.start) for v in description.of("parameter")}
         numbers = {name: float(value) for name, value in values.items() if value is not None and is_number(value)}

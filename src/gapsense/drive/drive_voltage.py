@@ -209,8 +209,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         (par.waveform == Waveform.table) | (par.waveform == Waveform.soft_landing),
         lambda: cond(
             par.waveform == Waveform.table,
-            lambda: tabulated(inputs.time, inputs.dt, tolerance, _table(par)),
-            lambda: tabulated(inputs.time, inputs.dt, tolerance, _soft_landing(par)),
+            lambda: tabulated(inputs.time, inputs.dt, tolerance, _curve("table", par)),
+            lambda: tabulated(inputs.time, inputs.dt, tolerance, _curve("soft_landing", par)),
         ),
         lambda: cond(
             par.waveform == Waveform.profile,
@@ -260,24 +260,10 @@ def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar
     return levels(par.profile_low, par.profile_low + par.profile_amplitude, is_high, made - notched + pulse)
 
 
-def _table(par: Parameters) -> Curve:
-    return Curve(
-        time=par.table_file_time,
-        voltage=par.table_file_voltage,
-        integral=par.table_file_integral,
-        period=par.table_period,
-        repeat_from=par.table_repeat_from,
-    )
-
-
-def _soft_landing(par: Parameters) -> Curve:
-    return Curve(
-        time=par.soft_landing_file_time,
-        voltage=par.soft_landing_file_voltage,
-        integral=par.soft_landing_file_integral,
-        period=par.soft_landing_period,
-        repeat_from=par.soft_landing_repeat_from,
-    )
+def _curve(name: str, par: Parameters) -> Curve:
+    """The curve of one of the waveforms with a table."""
+    fields = ("file_time", "file_voltage", "file_integral", "period", "repeat_from")
+    return Curve(*(getattr(par, f"{name}_{field}") for field in fields))
 
 
 # Voltages of two levels: where a step lies among the edges of a pulse that repeats.

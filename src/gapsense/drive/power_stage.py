@@ -26,13 +26,12 @@ from gapsense.drive.power_circuit import (
     Path,
     Restart,
     Stores,
-    Sums,
     Topology,
     advanced,
 )
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
-from gapsense.kernels.layout import Choice, Scalar
+from gapsense.kernels.layout import Choice, Scalar, blank
 from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where
 
 LEAST_CONDUCTANCE = 1e-9  # beside the coil: it blocks no current that matters, and needs no case of its own [S]
@@ -176,11 +175,9 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     a = 1.0 / par.coil_inductance
     net, learnt = net_of(par), Learnt(a, 0.0, a * a, 0.0, 0.0, 0.0, 0.0)
     coil = _coil(par, learnt)
-    gates = Gates(a=0.0, b=0.0, live=0.0, boosting=0.0, age_a=1.0, age_b=1.0, clock=0.0, since=0.0)
     m = inputs.coil_current * (1.0 + coil.resistance * coil.conductance)
     stores = Stores(magnetizing=m, supply=0.0, link=par.supply_voltage, boost=par.boost_voltage)
-    sums = Sums(supplied=0.0, delivered=0.0, dissipated=0.0, cabled=0.0)
-    at = Circuit(stores, gates, sums, current=inputs.coil_current, voltage=0.0, path=0.0)
+    at = blank(Circuit, stores=stores, gates=blank(Gates, age_a=1.0, age_b=1.0), current=inputs.coil_current)
     state, outputs = _given(net, coil, learnt, at, m, inputs._replace(dt=0.0))
     return state._replace(held=0.0), outputs
 

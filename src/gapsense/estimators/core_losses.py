@@ -14,7 +14,7 @@ more sharply.  The three are independent; with g_e, I_h and K of zero all is as 
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.layout import Scalar
@@ -25,57 +25,21 @@ SHORTEST = 0.1  # part of it that is always left
 SATURATED = 0.95  # |m| from which the reluctance goes on linearly: wrong parameters may pass 1
 
 
-class Held(Protocol):
-    """Inputs held during an interval; each model extends it."""
-
-    @property
-    def voltage(self) -> Scalar:
-        """Voltage u of the interval [V]."""
-
-    @property
-    def hysteresis(self) -> Scalar:
-        """State h [A]."""
-
-
-class Core(Protocol):
-    """Coefficients of the core; each model extends them."""
-
-    @property
-    def R(self) -> Scalar:
-        """Resistance of the coil [ohm]."""
-
-    @property
-    def lam_sat(self) -> Scalar:
-        """Flux linkage of saturation [Wb]."""
-
-    @property
-    def eddy(self) -> Scalar:
-        """Conductance g_e [S]."""
-
-    @property
-    def amplitude(self) -> Scalar:
-        """Largest h, I_h [A]."""
-
-    @property
-    def length(self) -> Scalar:
-        """Flux linkage l_h in which h turns over [Wb]."""
-
-
 class Acting(NamedTuple):
-    """The smallest `Held`."""
+    """Inputs held during an interval; records of the models have these fields too."""
 
-    voltage: Scalar
-    hysteresis: Scalar
+    voltage: Scalar  # u of the interval [V]
+    hysteresis: Scalar  # h [A]
 
 
 class Losses(NamedTuple):
-    """The smallest `Core`."""
+    """Coefficients of the core; records of the models have these fields too."""
 
-    R: Scalar
-    lam_sat: Scalar
-    eddy: Scalar
-    amplitude: Scalar
-    length: Scalar
+    R: Scalar  # of the coil [ohm]
+    lam_sat: Scalar  # flux linkage of saturation [Wb]
+    eddy: Scalar  # conductance g_e [S]
+    amplitude: Scalar  # largest h, I_h [A]
+    length: Scalar  # flux linkage l_h in which h turns over [Wb]
 
 
 def bent(x: Scalar, reluctance: Scalar, bend: Scalar) -> tuple[Scalar, Scalar]:
@@ -86,13 +50,13 @@ def bent(x: Scalar, reluctance: Scalar, bend: Scalar) -> tuple[Scalar, Scalar]:
     return reluctance + bend * square(y) / left + (x - y) * rate, rate
 
 
-def share(core: Core) -> Scalar:
-    """1/(1 + R g_e): the part of a magnetomotive force that the current makes."""
+def share(core: Any) -> Scalar:
+    """1/(1 + R g_e): the part of a magnetomotive force that the current makes; `core` has the fields of `Losses`."""
     return 1.0 / (1.0 + core.R * core.eddy)
 
 
-def lossy(f: Scalar, lam: Scalar, held: Held, core: Core) -> Scalar:
-    """Current [A] for the magnetomotive force over N without losses, `f` [A]."""
+def lossy(f: Scalar, lam: Scalar, held: Any, core: Any) -> Scalar:
+    """Current [A] for the magnetomotive force over N without losses, `f` [A]; `held` has the fields of `Acting`."""
     left = share(core)
 
     def with_losses() -> Scalar:
@@ -102,7 +66,7 @@ def lossy(f: Scalar, lam: Scalar, held: Held, core: Core) -> Scalar:
     return cond((core.eddy > 0.0) | (core.amplitude > 0.0), with_losses, lambda: f)
 
 
-def advanced(h: Scalar, lam: Scalar, change: Scalar, core: Core) -> Scalar:
+def advanced(h: Scalar, lam: Scalar, change: Scalar, core: Any) -> Scalar:
     """State h after a `change` of the flux linkage from `lam`, exact for L as at its beginning."""
 
     def turned() -> Scalar:

@@ -10,28 +10,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators import ekf, kinks, readings
+from gapsense.estimators import ekf, kinks, motions, readings
 from gapsense.estimators.ekf import ROWS as ROWS
 from gapsense.estimators.ekf import Arrays, Tuning, physical, process_noise, tuning
 from gapsense.estimators.kalman import Gaussian, fix, predict, project, smooth
-from gapsense.estimators.motions import (
-    LENGTH,
-    RING,
-    Contact,
-    Followed,
-    Motion,
-    Queue,
-    Room,
-    Turn,
-    follow,
-    joined,
-    nothing,
-    room_for,
-    slot,
-    to_keep,
-    to_show,
-    to_smooth,
-)
 from gapsense.estimators.reduced_model import (
     FLUX_LINKAGE,
     FORCE_ERROR,
@@ -48,7 +30,7 @@ from gapsense.estimators.reduced_model import (
 )
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import output, parameter, part, ports, same
-from gapsense.kernels.layout import Array, Covariance, Memory, Scalar, Vector, flat, names, record, zeros
+from gapsense.kernels.layout import Array, Covariance, Memory, Scalar, Vector, blank, flat, names, record, zeros
 from gapsense.kernels.trace import clip, cond, fabs, load, store, where
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
@@ -65,9 +47,9 @@ class Parameters(NamedTuple):
     motion_memory: Scalar = parameter(
         "1",
         "Samples of a motion that are kept, the last ones; exported C has memory for no more",
-        float(LENGTH),
+        float(motions.LENGTH),
         min=2.0,
-        max=float(LENGTH),
+        max=float(motions.LENGTH),
     )
 
 
@@ -110,15 +92,15 @@ class Landing(NamedTuple):
 
 
 WIDTH = len(names(Sample))
-SIZE = RING * WIDTH
+SIZE = motions.RING * WIDTH
 
 
 class State(NamedTuple):
     """The filter, the motion being recorded, and the motions that wait to be smoothed and published."""
 
     filter: ekf.State
-    motion: Motion
-    queue: Queue
+    motion: motions.Motion
+    queue: motions.Queue
     kink: kinks.Kink
     last: Operation
     is_doubtful: Scalar  # 1: the last landing may not have been the first impact
@@ -170,27 +152,24 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """As in `ekf`; no operation has ended."""
     filtered, outputs = ekf.initial(_measured(inputs), par.filter)
     now = outputs.estimates
-    rest = Shown(
+    rest = blank(
+        Shown,
         smoothed_position=now.position,
-        smoothed_velocity=0.0,
         smoothed_flux_linkage=now.flux_linkage,
-        smoothed_current_error=0.0,
         smoothed_force_error=now.force_error,
-        smoothed_position_std=0.0,
-        smoothed_velocity_std=0.0,
     )
     last = Operation(
         takeoff_time=inputs.time, landing_time=inputs.time, impact_speed=0.0, bounces=0.0, rest_time=inputs.time
     )
-    state = State(filtered, *nothing(inputs.time), kinks.nothing(), last, 0.0, kinks.untold(), zeros(SIZE))
+    state = State(filtered, *motions.nothing(inputs.time), kinks.nothing(), last, 0.0, kinks.untold(), zeros(SIZE))
     return state, Outputs(filter=outputs, smoothed_published=0.0, smoothed_time=inputs.time, smoothed=rest, last=last)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published if one is."""
-    m, kept = normalised(par.filter), room_for(par.motion_memory)
+    m, kept = normalised(par.filter), motions.room_for(par.motion_memory)
     filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
-    contact = Contact(
+    contact = motions.Contact(
         time=inputs.time,
         mode=filtered.mode,
         mode_prev=state.filter.mode,
@@ -198,19 +177,19 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         debounce=par.contact_debounce,
         room=kept,
     )
-    now = follow(state.motion, contact)
+    now = motions.follow(state.motion, contact)
     kink = kinks.sought(state.kink, state.motion, inputs.current, state.filter, filtered, m, par.filter)
     landing = _landing(state, now, kink, contact, filtered, m, par)
     now, estimate = now._replace(motion=now.motion._replace(count=landing.count)), landing.estimate
     new = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
-    samples = _stored(state.samples, to_keep(now, contact), new, kept)
-    queue, turn = to_smooth(joined(state.queue, now, contact), now, kept)
+    samples = _stored(state.samples, motions.to_keep(now, contact), new, kept)
+    queue, turn = motions.to_smooth(motions.joined(state.queue, now, contact), now, kept)
     found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, par, kept), lambda: estimate)
     samples = _stored(samples, turn, found, kept)
     last = _last(state, now, contact, landing, found, m)
     told = _told(landing, last, found, Estimate(filtered.x, filtered.P), limit(contact.mode), m)
     outputs = outputs._replace(health=readings.worse(outputs.health, readings.IMPACT, landing.is_doubtful))
-    queue, turn, time = to_show(queue, contact)
+    queue, turn, time = motions.to_show(queue, contact)
     shown = cond(
         turn.is_due, lambda: physical(Gaussian(*_loaded(samples, turn.place, kept).kept), m), lambda: outputs.estimates
     )
@@ -232,7 +211,13 @@ def _measured(inputs: Inputs) -> ekf.Inputs:
 
 
 def _landing(
-    state: State, now: Followed, kink: kinks.Kink, contact: Contact, filtered: ekf.State, m: Model, par: Parameters
+    state: State,
+    now: motions.Followed,
+    kink: kinks.Kink,
+    contact: motions.Contact,
+    filtered: ekf.State,
+    m: Model,
+    par: Parameters,
 ) -> Landing:
     """The landing of a motion that lands: where the contact says, or at an impact that only the current has shown."""
     motion, estimate = now.motion, Estimate(filtered.x, filtered.P)
@@ -288,7 +273,9 @@ def _told(landing: Landing, last: Operation, found: Estimate, end: Estimate, sto
     return cond(landing.is_told > 0.0, learnt, lambda: landing.told)
 
 
-def _last(state: State, now: Followed, contact: Contact, landing: Landing, found: Estimate, m: Model) -> Operation:
+def _last(
+    state: State, now: motions.Followed, contact: motions.Contact, landing: Landing, found: Estimate, m: Model
+) -> Operation:
     """The last operation: a new one after a landing; one bounce more if the mover has come back from a bounce."""
     last, bounces = state.last, now.bounces & (state.queue.landed > 0.0)
 
@@ -312,7 +299,7 @@ def _last(state: State, now: Followed, contact: Contact, landing: Landing, found
     return cond(now.lands, landed, rested)
 
 
-def _smoothed(samples: Array, place: Scalar, m: Model, par: Parameters, room: Room) -> Estimate:
+def _smoothed(samples: Array, place: Scalar, m: Model, par: Parameters, room: motions.Room) -> Estimate:
     """Smoothed estimate of a sample, from that of the next one."""
     at, later = _loaded(samples, place, room), _loaded(samples, place + 1.0, room)
     held, m = Held(at.held_voltage, 2.0, at.held_hysteresis), m._replace(R=at.held_resistance)
@@ -343,11 +330,11 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, turn: Turn, values: Sample | Estimate, room: Room) -> Array:
+def _stored(samples: Array, turn: motions.Turn, values: Sample | Estimate, room: motions.Room) -> Array:
     """The memory with a sample, or with its estimate, when its turn has come."""
 
     def kept() -> Array:
-        kept, start = samples, slot(turn.place, room) * WIDTH
+        kept, start = samples, motions.slot(turn.place, room) * WIDTH
         for k, value in enumerate(flat(values)):
             kept = store(kept, start, value, k)
         return kept
@@ -355,8 +342,8 @@ def _stored(samples: Array, turn: Turn, values: Sample | Estimate, room: Room) -
     return cond(turn.is_due, kept, lambda: samples)
 
 
-def _loaded(samples: Array, place: Scalar, room: Room) -> Sample:
-    start = slot(place, room) * WIDTH
+def _loaded(samples: Array, place: Scalar, room: motions.Room) -> Sample:
+    start = motions.slot(place, room) * WIDTH
     found: Sample = record(Sample, [load(samples, start, k) for k in range(WIDTH)])
     return found
 

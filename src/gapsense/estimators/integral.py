@@ -10,20 +10,9 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.readings import (
-    CURRENT,
-    HEALTH,
-    LOST,
-    RANGE_CURRENT,
-    RANGE_VOLTAGE,
-    VOLTAGE,
-    Health,
-    can_be_read,
-    health,
-    most_current,
-)
+from gapsense.estimators import readings
 from gapsense.kernels.interface import option, output, parameter, ports, sample_time
-from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, zeros
+from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where
 
 EDGE = 0.25  # of the highest voltage of late: more begins an operation
@@ -50,8 +39,8 @@ class Parameters(NamedTuple):
         "V", "An operation starts when the voltage rises above it; 0: a quarter of the highest of late", 0.0, min=0.0
     )
     offline: Scalar = option("Publish an operation after it has ended, with the resistance that it gave", False)
-    range_voltage: Scalar = RANGE_VOLTAGE
-    range_current: Scalar = RANGE_CURRENT
+    range_voltage: Scalar = readings.RANGE_VOLTAGE
+    range_current: Scalar = readings.RANGE_CURRENT
 
 
 class State(NamedTuple):
@@ -84,8 +73,8 @@ class Inputs(NamedTuple):
     """Measurements; `time` is that of the sample, and a lost one is not a number."""
 
     time: Scalar
-    voltage: Scalar = VOLTAGE
-    current: Scalar = CURRENT
+    voltage: Scalar = readings.VOLTAGE
+    current: Scalar = readings.CURRENT
 
 
 @ports(feedthrough=("voltage", "current"))
@@ -100,8 +89,8 @@ class Outputs(NamedTuple):
         "1", "1: the estimates belong to published_time; 0: no operation to replay", min=0.0, max=1.0
     )
     published_time: Scalar = output("s", "Time of the sample that the estimates belong to", nominal=0.01)
-    health: Scalar = HEALTH
-    health_causes: Scalar = HEALTH
+    health: Scalar = readings.HEALTH
+    health_causes: Scalar = readings.HEALTH
 
 
 class Sample(NamedTuple):
@@ -118,27 +107,18 @@ class Sample(NamedTuple):
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Sums zero, iota_0 registered."""
     u, i, found = _readings(0.0, 0.0, inputs, par)
-    state = State(
+    state = blank(
+        State,
         resistance=par.prior_resistance,
-        voltage_sum=0.0,
-        current_sum=0.0,
-        count=0.0,
         current=i,
         voltage=u,
         highest=u,
         is_on=where(u > _level(u, par), 1.0, 0.0),
         is_lost=1.0 - found.health,
-        losses=0.0,
-        kept=0.0,
         start=inputs.time,
-        half=0.0,
-        last_count=0.0,
         last_start=inputs.time,
         before=i,
         last_before=i,
-        voltage_sums=zeros(SPARE + 1),
-        current_sums=zeros(SPARE + 1),
-        currents=zeros(SPARE + 1),
     )
     return state, Outputs(
         resistance=par.prior_resistance,
@@ -171,11 +151,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return state, outputs._replace(**found._asdict())
 
 
-def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar, Health]:
+def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar, readings.Health]:
     """Voltage and current, with the last good ones for lost ones, and the resulting health."""
-    limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
-    has_voltage, has_current = can_be_read(inputs.voltage, par.range_voltage), can_be_read(inputs.current, limit)
-    found = health({LOST: not_(has_voltage & has_current)})
+    limit = readings.most_current(par.range_current, par.range_voltage, par.prior_resistance)
+    has_voltage = readings.can_be_read(inputs.voltage, par.range_voltage)
+    has_current = readings.can_be_read(inputs.current, limit)
+    found = readings.health({readings.LOST: not_(has_voltage & has_current)})
     return where(has_voltage, inputs.voltage, u), where(has_current, inputs.current, i), found
 
 

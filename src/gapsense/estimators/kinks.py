@@ -32,7 +32,7 @@ from gapsense.estimators.reduced_model import (
     is_moving,
     magnetic_force,
 )
-from gapsense.kernels.layout import Array, Count, Scalar, Vector
+from gapsense.kernels.layout import Array, Count, Scalar, Vector, blank
 from gapsense.kernels.linalg import deviation, total, vector
 from gapsense.kernels.trace import clip, cond, fabs, loop, not_, sqrt, square, where
 
@@ -102,9 +102,7 @@ class Settling(NamedTuple):
 
 def nothing() -> Kink:
     """No reading."""
-    return Kink(
-        currents=vector([0.0] * TAPS), steady=SETTLING, size=0.0, flight=0.0, arrival=0.0, beyond=0.0, was_steady=1.0
-    )
+    return blank(Kink, steady=SETTLING, was_steady=1.0)
 
 
 def untold() -> Told:

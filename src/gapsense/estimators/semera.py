@@ -13,18 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
+from gapsense.estimators import readings
 from gapsense.estimators.kalman import Gaussian, condition, predict
-from gapsense.estimators.readings import (
-    CURRENT,
-    HEALTH,
-    LOST,
-    RANGE_CURRENT,
-    RANGE_VOLTAGE,
-    VOLTAGE,
-    can_be_read,
-    health,
-    most_current,
-)
 from gapsense.kernels.interface import option, output, parameter, ports, sample_time
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
 from gapsense.kernels.linalg import deviation, diagonal, matrix, vector
@@ -56,8 +46,8 @@ class Parameters(NamedTuple):
         5e-3,
         min=0.0,
     )
-    range_voltage: Scalar = RANGE_VOLTAGE
-    range_current: Scalar = RANGE_CURRENT
+    range_voltage: Scalar = readings.RANGE_VOLTAGE
+    range_current: Scalar = readings.RANGE_CURRENT
     coil_turns: Scalar = parameter("1", "Number of turns, for flux and reluctance; 0: unknown", 0.0, min=0.0)
 
 
@@ -80,8 +70,8 @@ class State(NamedTuple):
 class Inputs(NamedTuple):
     """Measurements; a lost one is not a number."""
 
-    voltage: Scalar = VOLTAGE
-    current: Scalar = CURRENT
+    voltage: Scalar = readings.VOLTAGE
+    current: Scalar = readings.CURRENT
 
 
 @ports(feedthrough=("voltage", "current"))
@@ -100,8 +90,8 @@ class Outputs(NamedTuple):
     innovation_std: Scalar = output("V", "Standard deviation expected of the innovation")
     flux: Scalar = output("Wb", "Estimated flux; 0 while coil.turns is 0", nominal=2e-5)
     reluctance: Scalar = output("1/H", "Estimated reluctance; 0 while coil.turns is 0", nominal=1e7)
-    health: Scalar = HEALTH
-    health_causes: Scalar = HEALTH
+    health: Scalar = readings.HEALTH
+    health_causes: Scalar = readings.HEALTH
 
 
 class Seen(NamedTuple):
@@ -146,9 +136,9 @@ def _at_rest(r: Scalar, r_var: Scalar, par: Parameters, form: Form) -> Gaussian:
 
 def sample(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
     """`step` for a form of the filter."""
-    limit = most_current(par.range_current, par.range_voltage, par.prior_resistance)
-    has_current = can_be_read(inputs.current, limit)
-    is_lost = not_(can_be_read(inputs.voltage, par.range_voltage) & has_current)
+    limit = readings.most_current(par.range_current, par.range_voltage, par.prior_resistance)
+    has_current = readings.can_be_read(inputs.current, limit)
+    is_lost = not_(readings.can_be_read(inputs.voltage, par.range_voltage) & has_current)
     i = where(has_current, inputs.current, state.current)
     after, outputs = cond(
         is_lost | (state.lost > 0.0),
@@ -156,7 +146,7 @@ def sample(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[S
         lambda: _filtered(state, Inputs(inputs.voltage, i), par, form),
     )
     return after._replace(current=i, lost=where(is_lost, 1.0, 0.0)), outputs._replace(
-        **health({LOST: is_lost})._asdict()
+        **readings.health({readings.LOST: is_lost})._asdict()
     )
 
 

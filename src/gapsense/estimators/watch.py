@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import mean, normalised, surprise
-from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, zeros
+from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import clip, cond, fabs, floor, load, loop, not_, sqrt, square, store, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
@@ -105,10 +105,7 @@ class Now(NamedTuple):
 
 def unknown() -> Usual:
     """No operation so far."""
-    seen, usual = zeros(2 * PARTS), zeros(4 * PARTS)
-    return Usual(
-        1.0, 0.0, samples=0.0, has_edge=0.0, operations=0.0, left=0.0, innovation=0.0, other=0.0, seen=seen, usual=usual
-    )
+    return blank(Usual, surprise=1.0)
 
 
 def is_far(innovation: Scalar, std: Scalar, most: Scalar) -> Scalar:

@@ -25,30 +25,21 @@ from gapsense.identification.residual import noises
 from gapsense.identification.scale import scaled
 from gapsense.identification.show import measured_and_model, untold
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
+from gapsense.identification.valve import show
 from gapsense.identification.valve.driver import Driver, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
 from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, needed, plain
 from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, find_gap, keep_law
 from gapsense.identification.valve.model import check_guess, take_out_causes
-from gapsense.identification.valve.show import (
-    BY_NAME,
-    PORTS,
-    Known,
-    read_known,
-    validate_valve,
-    valve_errors,
-    valve_tables,
-    write_valve,
-)
 from gapsense.problems import InputError
 
 FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
 
 
-def sought(forms: str, hold: Sequence[str], known: Known, accuracy: Mapping[str, float]) -> Sought:
+def sought(forms: str, hold: Sequence[str], known: show.Known, accuracy: Mapping[str, float]) -> Sought:
     """From the values of `--forms` and `--hold`, names with commas between; a ValueError tells what is wrong."""
     tried = {AUTO: FORMS, PLAIN: ()}.get(forms, tuple(split_names([forms])))
-    names = {PORTS[field].name: field for field in FIELDS}
+    names = {show.PORTS[field].name: field for field in FIELDS}
     for name in tried:
         if name not in FORMS:
             raise ValueError(f"--forms: `{name}` found; {AUTO}, {PLAIN}, or some of {', '.join(FORMS)} expected.")
@@ -59,7 +50,7 @@ def sought(forms: str, hold: Sequence[str], known: Known, accuracy: Mapping[str,
             raise ValueError(f"--hold: `{name}` found, one of {', '.join(names)} expected.{because}")
         if names[name] in LOSSES and names[name] not in known.losses:
             raise ValueError(f"--hold: `{name}` has no value to be held at. Give one in the file of `--parameters`.")
-    errors = {field: accuracy[port.name] for field, port in PORTS.items() if port.name in accuracy}
+    errors = {field: accuracy[port.name] for field, port in show.PORTS.items() if port.name in accuracy}
     fields = frozenset(names[name] for name in held)
     return Sought(tried, fields, known.losses, given=known.given, accuracy=errors)
 
@@ -87,7 +78,7 @@ LAW = Law("sought", 0.0, ())
 class Given(NamedTuple):
     """What was asked and what was read."""
 
-    known: Known
+    known: show.Known
     drive: Driver
     sought: Sought
     records: list[Record]
@@ -116,7 +107,7 @@ class Given(NamedTuple):
         if not self.is_assumed:
             where = self.file.name if self.file else "--parameters"
             more = HOLD if "gap_slope" in names else ""
-            ask([PORTS[name].name for name in names], BY_NAME, where, TABLE_I, more)
+            ask([show.PORTS[name].name for name in names], show.BY_NAME, where, TABLE_I, more)
 
 
 def read(
@@ -136,7 +127,7 @@ def read(
     accuracy: str | None,
 ) -> Given:
     """Read all files, as the options of the command say; an error tells what is wrong with them or with an option."""
-    known, drive = read_known(parameters), read_driver(driver, accuracy)
+    known, drive = show.read_known(parameters), read_driver(driver, accuracy)
     seeking = sought(forms, hold, known, drive.accuracy)
     records = with_temperatures(temperature, read_records(data, how, period))
     is_open = how.convention == AUTO and not all(record.is_mean for record in records)
@@ -239,21 +230,21 @@ def finish_valve(given: Given, start: Gap, result: Identified, told: Sequence[st
     coefficient = temperature.coefficient(records, result.fluxes)
     convention = result.convention or given.convention
     kept = [between(record._replace(drive=result.drive), convention) for record in given.kept]
-    checks = validate_valve(result.parameters, kept, coefficient)
+    checks = show.validate_valve(result.parameters, kept, coefficient)
     notes = [*driver_notes(result.drive), *temperature_notes(R, coefficient)]
     tuning = {**noises(records), **scaled(records, result.models, result.residuals, parameters_of("mhe", None))}
-    write_valve(to, result, keep_law(given.known, result, to), given.sources, tuning, notes)
+    show.write_valve(to, result, keep_law(given.known, result, to), given.sources, tuning, notes)
     doubts = doubt_resistance(R, given.known.resistance)
     is_sound = result.is_explained and not doubts
-    stops = [PORTS[field].name for field in needed(result.form) if field not in result.assumed]
+    stops = [show.PORTS[field].name for field in needed(result.form) if field not in result.assumed]
     said = untold(stops, given.drive.accuracy, " `--accuracy` puts what is known of them into the errors.")
     doubts = [*doubts, *([said] if said else [])]
-    tables = [*start.told, *valve_tables(result, records, checks), *describe_gap(result, records)]
+    tables = [*start.told, *show.valve_tables(result, records, checks), *describe_gap(result, records)]
     return Finished(
         shown=[*tables, *temperature_tables(records, R, coefficient), *doubts, *told],
         figure=lambda: measured_and_model(TITLE, [*zip(records, result.models)], checks),
         passed=is_sound,
-        standard_errors=valve_errors(result),
+        standard_errors=show.valve_errors(result),
     )
 
 

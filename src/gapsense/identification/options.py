@@ -93,6 +93,11 @@ OPTIONS = {
 }
 SHIPPED = {"data", "estimate.data", "parameters", "commission.parameters", "estimate.parameters", "validate"}
 OUTPUTS = {"out", "figure"}
+RAISES = """    Raises
+    ------
+    ValueError
+        With all that is wrong with the files and options, or that something is missing which no record tells.
+    """
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -102,7 +107,7 @@ def key(function: str, name: str) -> str:
 
 
 def documented(function: Function) -> Function:
-    """The function with its arguments in its docstring, before what it returns."""
+    """The function with its arguments in its docstring, before what it returns, and at its end what it raises."""
     told = ["Parameters\n----------"]
     for name, argument in signature(function).parameters.items():
         option = OPTIONS[key(function.__name__, name)]
@@ -110,5 +115,5 @@ def documented(function: Function) -> Function:
         sentence = fill(f"{(option.here or '{}').format(option.what)}.", 110)
         told.append(f"{name} : {TYPES.get(option.kind, 'callable')}{optional}\n{indent(sentence, '    ')}")
     before, returns, after = (function.__doc__ or "").partition("    Returns\n")
-    function.__doc__ = f"{before}{indent(chr(10).join(told), '    ')}\n\n{returns}{after}"
+    function.__doc__ = f"{before}{indent(chr(10).join(told), '    ')}\n\n{returns}{after.rstrip()}\n\n{RAISES}"
     return function

@@ -15,7 +15,7 @@ from gapsense.kernels.trace import clip, cond, floor, loop, where
 
 Scalars: TypeAlias = Sequence[Any]
 Rate: TypeAlias = Callable[[Any], tuple[Any, ...]]  # y -> dy/dt, integrands, and what is watched, if anything
-Margin: TypeAlias = Callable[[Any], Scalar]  # y -> what an event makes negative
+Margin: TypeAlias = Callable[..., Scalar]  # y, and what is watched, -> what an event makes negative
 
 TRIALS = 60  # about 10 are needed
 CLOSENESS = 1e-10  # width of the final bracket, relative to the first
@@ -67,7 +67,7 @@ def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Any, ...] | None = None
 
 
 def rk4_until(
-    rate: Rate, y: Scalars, dt: Scalar, margin: Margin, is_live: Scalar = True
+    rate: Rate, y: Scalars, dt: Scalar, margin: Margin, is_live: Scalar = True, first: tuple[Any, ...] | None = None
 ) -> tuple[Scalar, Any, Any, Scalar]:
     """Length of the step, states after it, integrals over it, and whether it ends where `margin(y)` becomes negative.
 
@@ -76,23 +76,32 @@ def rk4_until(
     rate, y, dt
         As for `rk4`.
     margin : callable
-        Continuous in the states; negative once the step must end.  The states returned lie just beyond its zero.
+        Of the states, and of what more `rate` returns; continuous in them, and negative once the step must end.  The
+        states returned lie just beyond its zero.
     is_live : scalar
         Whether to look for the end at all: many runs at once compute branches that they do not take.
+    first : tuple, optional
+        `rate(y)`, where it is known.
 
     Notes
     -----
     A margin that is negative at the start gives a step of no length; one that becomes negative and positive again
     inside the step is not seen.
     """
-    after = partial(rk4, rate, y)
-    y_next, sums = after(dt)
+    after = partial(rk4, rate, y, first=first)
+    y_next, sums, *watched = after(dt)
 
     def shorter() -> tuple[Scalar, Any, Any, Scalar]:
-        length = crossing(lambda length: margin(after(length)[0]), dt, margin(y), margin(y_next))
-        return length, *after(length), True
+        def margin_after(length: Scalar) -> Scalar:
+            end, _, *watched = after(length)
+            return margin(end, *watched)
 
-    return cond(is_live & (margin(y_next) < 0.0), shorter, lambda: (dt, y_next, sums, False))
+        at_start = margin(y) if first is None else margin(y, *first[2:])
+        length = crossing(margin_after, dt, at_start, margin(y_next, *watched))
+        end, sums, *_ = after(length)
+        return length, end, sums, True
+
+    return cond(is_live & (margin(y_next, *watched) < 0.0), shorter, lambda: (dt, y_next, sums, False))
 
 
 def _along(y: Scalars, k: Scalars, dt: Scalar) -> Any:

@@ -12,7 +12,7 @@ dot, here `coil.resistance`, unless `name` says otherwise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
@@ -123,6 +123,17 @@ def ports(feedthrough: tuple[str, ...] = ()) -> Callable[[T], T]:
         return cls
 
     return note
+
+
+def record_of(name: str, table: Mapping[str, Any], field: str, port: Callable[[str, Any], Any]) -> Any:
+    """A record with a number for each row of a table; `port` is made of the name of the field and of the row.
+
+    In `field`, {} stands for the name of the row.  A record holds this one as `Annotated[Any, ...]`.
+    """
+    rows = {field.format(key): row for key, row in table.items()}
+    cls = NamedTuple(name, [(key, Any) for key in rows])  # type: ignore[misc]  # no more is known here
+    cls._field_defaults = {key: port(key, row) for key, row in rows.items()}
+    return ports()(cls)
 
 
 def _found(name: str, value: Any) -> Any:

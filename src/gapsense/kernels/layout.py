@@ -8,10 +8,10 @@ the upper triangle.  The fields of a record within a record keep their names, wh
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from enum import EnumMeta, IntEnum
 from functools import cache, partial
-from itertools import islice
+from itertools import islice, repeat
 from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
@@ -145,8 +145,10 @@ def flat(value: Any) -> list[Any]:
     if _is_plain(cls):
         return [*value]
     entries: list[Any] = []
-    for _, field, item in leaves(value):
-        if field.kind == "vector":
+    for field, item in zip(_layout(cls).values(), value):
+        if _is_record(field):
+            entries += flat(item)
+        elif field.kind == "vector":
             entries += list(item)
         elif field.kind == "covariance":
             entries += [item[i, j] for i, j in triangle(field.size)]
@@ -177,6 +179,17 @@ def _take(field: Field, rest: Iterator[Any]) -> Any:
 def zeros(size: int) -> list[float]:
     """Array memory of `size` zeros."""
     return [0.0] * size
+
+
+def blank(cls: Callable[..., T], **given: Any) -> T:
+    """A record of zeros but for what is given; its vectors, memories and records are of zeros too."""
+    return cls(**{name: _zero(at) for name, at in _layout(cls).items() if name not in given}, **given)
+
+
+def _zero(at: Any) -> Any:
+    if _is_record(at):
+        return blank(at)
+    return zeros(at.size) if at.kind == "memory" else _take(at, repeat(0.0))
 
 
 def flatten(value: Any) -> list[Any]:

@@ -224,19 +224,10 @@ def older(folder: Path) -> str:
 
 
 def read_campaign(folder: str | Path, hold: bool = False) -> Campaign:
-    """Result of a campaign, also while it is still at work.
+    """Result of a campaign by the folder that it was written to, also while it is still at work.
 
-    Parameters
-    ----------
-    folder : str or Path
-        The folder that it was written to.
-    hold : bool
-        Read all later columns as they are now, whatever a campaign that is at work adds meanwhile.
-
-    Raises
-    ------
-    InputError
-        If there is no campaign, or what it tells is damaged.
+    With `hold` all later columns are read as they are now, whatever a campaign that is at work adds meanwhile. An
+    InputError tells that there is no campaign, or that what it tells is damaged.
     """
     folder = Path(folder)
     if not (folder / FILE).is_file():

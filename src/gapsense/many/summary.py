@@ -206,10 +206,8 @@ class Extremes(NamedTuple):
 def extremes(campaign: Campaign, of: Spread, bounds: Bounds | None, most: int) -> Extremes:
     """The runs farthest beyond the bounds of a metric or nearest to them; without bounds farthest from the median."""
     found, outside = list[Worst](), 0
-    if (
-        bounds and bounds[0] == 0.0 <= of.least and np.isfinite(bounds[1])
-    ):  # what has no sign is not bad for being small
-        bounds = (-np.inf, bounds[1])
+    if bounds and bounds[0] == 0.0 <= of.least and np.isfinite(bounds[1]):
+        bounds = (-np.inf, bounds[1])  # what has no sign is not bad for being small
     for runs, values in campaign.arrays("run", of.name):
         beyond = distance(values.astype(np.float64), of.median, bounds)
         outside += int((beyond > 0.0).sum()) if bounds else 0

@@ -161,8 +161,6 @@ def scale(port: Port, value: float) -> Mapping[str, Any]:
     """Ends of a slider, and the unit beside it: about four times as much and as little as the scenario gives.
 
     Parameters that begin at zero go as far as is usual for them.
-
-    Parameters that begin at zero go as far as is usual for them.
     """
     least, most = (-math.inf if port.min is None else port.min), (math.inf if port.max is None else port.max)
     size = abs(value) or port.nominal

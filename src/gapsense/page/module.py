@@ -32,10 +32,7 @@ COMPILERS_AT_ONCE = 2
 def module(names: Iterable[str], plan: str) -> bytes:
     """The module of some components, by the names of their FMUs; `plan` is the text of plan.h.
 
-    Raises
-    ------
-    NativeError
-        If the compiler is missing, or fails.
+    A NativeError tells that the compiler is missing, or fails.
     """
     refuse_without_zig()
     used = sorted(set(names))

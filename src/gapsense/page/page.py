@@ -30,30 +30,10 @@ UPLOT = "uPlot 1.6.32"
 
 
 def write_page(scenario: Source, to: str | Path, variant: str | None = None, fmus: str | Path | None = None) -> Path:
-    """Write one HTML file in which a scenario runs, complete or not at all.
+    """Write one HTML file in which a scenario runs, complete or not at all; its folder is made if there is none.
 
-    Parameters
-    ----------
-    scenario : str, Path or Document
-        Scenario file, its folder, or its content.
-    to : str or Path
-        The file; its folder is made if there is none.
-    variant : str, optional
-        Variant of the scenario.
-    fmus : str or Path, optional
-        Folder of the FMUs, as in `run`.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        If the scenario is wrong or has what a page cannot run, or if bokeh is missing.
-    NativeError
-        If the compiler is missing, or fails.
+    An InputError tells what is wrong with the scenario, what a page cannot run, or that bokeh is missing; a NativeError
+    that the compiler is missing, or fails.
     """
     text, to = page(scenario, variant, fmus), Path(to)
     to.parent.mkdir(parents=True, exist_ok=True)

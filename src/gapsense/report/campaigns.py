@@ -67,15 +67,7 @@ def metrics(campaign: Campaign) -> list[Table]:
 
 
 def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[str] = ()) -> Figure:
-    """Each metric, alone and over each parameter: points, or a density.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Its result.
-    metrics, factors : sequences of str
-        Those that are shown, by default the first ones.
-    """
+    """Each metric, alone and over each parameter: points, or a density; by default the first metrics and parameters."""
     from gapsense.report import plot
 
     metrics = chosen(metrics, campaign.metrics, "metric")

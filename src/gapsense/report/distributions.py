@@ -45,16 +45,9 @@ Over = Bars | Points | summary.Cloud
 
 
 class Distributions:
-    """Metrics of a campaign, alone and over parameters; many runs are counted, in one go through them.
+    """Metrics of a campaign, alone and `over` parameters; many runs are counted, in one go through them.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Its runs.
-    over : mapping
-        Parameters that each metric is drawn over.
-    levels : mapping
-        Values of each of these parameters, None where they are many.
+    The `levels` are the values of each of these parameters, None where they are many.
     """
 
     def __init__(

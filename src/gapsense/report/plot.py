@@ -9,7 +9,7 @@ from io import BytesIO
 from itertools import takewhile
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 from urllib.parse import quote, unquote
 
 import numpy as np
@@ -24,6 +24,7 @@ from gapsense.report.table import prefixed
 from gapsense.units import QUANTITIES, UNITS
 
 Vector = npt.NDArray[np.float64]
+Recorded: TypeAlias = Any  # a `Result` of `cosim`, which shows itself by what is here and so is not imported
 ENDINGS = (".png", ".pdf", ".svg")
 SOURCE = "Source"  # chunk of a PNG file that tells what it shows, in ASCII
 GRID = "#d0d7de"
@@ -50,32 +51,6 @@ class Picture(Figure):
         file = BytesIO()
         self.savefig(file, format="png", dpi=100)
         return file.getvalue()
-
-
-class Recorded(Protocol):
-    """What is drawn: a `Result` of `cosim`, which shows itself by what is here and so is not imported."""
-
-    @property
-    def run(self) -> Any:
-        """What was run."""
-
-    @property
-    def times(self) -> Vector:
-        """Of the rows [s]."""
-
-    @property
-    def signals(self) -> Mapping[str, Vector]:
-        """Recorded values by `component.variable`."""
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Unit of each signal."""
-
-    @property
-    def events(self) -> Sequence[Any]:
-        """When each event was on."""
-
-    def __getitem__(self, name: str) -> Vector: ...
 
 
 def check_file(path: Path) -> None:

@@ -39,16 +39,8 @@ def prefixed(value: float, unit: str) -> tuple[float, str]:
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]] = (), texts: int = 1) -> Table:
     """A table of plain texts: `[m]` in one is a unit, no markup.
 
-    Parameters
-    ----------
-    title : str
-        Above the table; may be empty.
-    columns : sequence of str
-        Their headings.
-    rows : iterable of sequences of str
-        Cells; those at the end may be missing.
-    texts : int
-        How many of the columns, from the left, are texts; the others are numbers.
+    So many of the columns, from the left, are `texts`; the others are numbers. Cells at the end of a row may be
+    missing.
     """
     made = Table(title=Text(title, "table.title") if title else None, box=box.SIMPLE_HEAD, title_justify="left")
     for k, column in enumerate(columns):

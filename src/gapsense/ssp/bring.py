@@ -35,28 +35,12 @@ FMUS, FILES = "fmus", "files"  # folders beside the scenario
 def bring(
     path: Path, folder: Path, base_step: float | None = None, stop: float | None = None, method: str | None = None
 ) -> list[str]:
-    """Write the scenario of a package, complete or not at all.
+    """Write the scenario of a package to a new folder, complete or not at all.
 
-    Parameters
-    ----------
-    path : Path
-        The package.
-    folder : Path
-        To make.
-    base_step, stop : float, optional
-        Base step and end of the run [s], where the package does not tell or something else is wanted.
-    method : str, optional
-        Coupling, as in `[experiment]`; by default what our annotation tells, and without one `jacobi`.
-
-    Returns
-    -------
-    list of str
-        What of the package was left out or taken for granted, one sentence each.
-
-    Raises
-    ------
-    InputError
-        With everything that is wrong with it or not supported.
+    Base step and end of the run [s] are needed where the package does not tell them, or something else is wanted. The
+    method is by default what our annotation tells, and without one `jacobi`. Answers with a sentence on each thing of
+    the package that was left out or taken for granted. An InputError has everything that is wrong with it or not
+    supported.
     """
     if folder.exists():
         raise InputError([f"`{folder}` exists already. Choose another name, or remove it."])

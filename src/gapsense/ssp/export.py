@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, register_namespac
 from gapsense._os.files import write_atomically
 from gapsense.cosim.check import prepare
 from gapsense.cosim.fmu.descriptions import Description, Variable
-from gapsense.cosim.scenario.read import Document, Source, read_document
+from gapsense.cosim.scenario.read import Source, document_of
 from gapsense.cosim.scenario.records import Connection, Port, Scenario
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, ScenarioError, listing
@@ -87,52 +87,27 @@ class Exported:
 
 
 def export(source: Source, path: Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
-    """Write a scenario as SSP 1.0, complete or not at all.
+    """Write a scenario as SSP 1.0 to a file with the ending `.ssp`, complete or not at all.
 
-    Parameters
-    ----------
-    source : str, Path or Document
-        The scenario.
-    path : Path
-        File to write, with the ending `.ssp`.
-    variant, fmus
-        As for `cosim.run`.
-
-    Returns
-    -------
-    list of str
-        What other tools will not see, or what is left out, one sentence each.
-
-    Raises
-    ------
-    ScenarioError
-        With everything that SSP 1.0 cannot hold.
+    Answers with a sentence on each thing that other tools will not see, or that is left out. A ScenarioError has
+    everything that SSP 1.0 cannot hold.
     """
     if path.suffix != ".ssp":
         raise InputError([f"`{path}`: a system structure package has the ending .ssp. Change the ending."])
     scenario, descriptions = prepare(source, variant, fmus)
-    document = merged(source, variant)
+    document = document_of(source, variant)
     made = Exported(scenario, descriptions, carried.carried(scenario, document))
     problems = [f"{scenario.path.name}, {problem}" for problem in refusals(made)]
     if problems:
         raise ScenarioError(problems)
-    members = {DESCRIPTION: description(made), VALUES: all_values(made)}
+    every = parameter_set(scenario.name, changed_values(made))  # in one set, for tools that read only one
+    members = {DESCRIPTION: description(made), VALUES: written(every)}
     wrong = [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]
     if wrong:
         raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {line}" for line in wrong])
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: pack(file.buffer, members, {**made.sources, **made.files}))
     return [*carried.notes(scenario, document.data), *notes(made)]
-
-
-def merged(source: Source, variant: str | None) -> Document:
-    """Content of the scenario merged with its variant, which is known to be readable."""
-    problems: list[str] = []
-    document = read_document(source, problems)
-    chosen = document and document.with_variant(variant, problems)
-    if chosen is None:
-        raise ScenarioError(problems)
-    return chosen
 
 
 def refusals(made: Exported) -> Iterator[str]:
@@ -228,11 +203,6 @@ def changed_values(made: Exported) -> Iterator[tuple[str, Variable, Value]]:
     """Values by `component.variable` that differ from the start values of the FMU."""
     for name in made.scenario.components:
         yield from ((f"{name}.{v.name}", v, value) for v, value in made.values(name) if v.number(value) != v.start)
-
-
-def all_values(made: Exported) -> bytes:
-    """All these values in one set, for tools that read only one."""
-    return written(parameter_set(made.scenario.name, changed_values(made)))
 
 
 def pack(file: Any, members: Mapping[str, bytes], sources: Mapping[Path, str]) -> None:

@@ -76,14 +76,9 @@ def opened(path: Path) -> Iterator[Package]:
 
 
 def violations(content: bytes, kind: str) -> list[str]:
-    """What in a document is not as the schema says, one sentence each.
+    """What in a document, XML without a document type, is not as the schema says, one sentence each.
 
-    Parameters
-    ----------
-    content : bytes
-        XML without a document type.
-    kind : str
-        `ssd`, `ssv` or `ssm`.
+    The `kind` is `ssd`, `ssv` or `ssm`.
     """
     from lxml import etree
 

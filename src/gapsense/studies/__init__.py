@@ -4,7 +4,7 @@ A `study.py` registers commands (`cli.common.study`) and figures (`FIGURES`). It
 line, so it loads heavy packages inside its functions. The files are found by walking: there is no list of them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from importlib import import_module
 from typing import Any
 
@@ -29,3 +29,12 @@ def drawer(kind: str) -> Callable[[Any], Any]:
         raise ValueError(f"the scenario asks for figure `{kind}`; there are {kinds}. Correct its key `figure`.")
     drawn: Callable[[Any], Any] = imported(FIGURES[kind])
     return drawn
+
+
+def refuse_unrecorded(needed: Iterable[str], recorded: Collection[str], scenario: str, own: str) -> None:
+    """Refuse a scenario that does not record what a study needs, with all that is missing; `own` is one that does."""
+    if missing := ", ".join(f"`{name}`" for name in needed if name not in recorded):
+        raise ValueError(
+            f"{scenario}: the study of the {own} needs {missing}, not recorded. Add them to `[record]`, or take the "
+            f"scenario `{own}`."
+        )

@@ -20,12 +20,12 @@ from gapsense.cosim.run.engines import vectors_for
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.recording import Subject, new_marks
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.scenario.read import Document, Source, read_document
+from gapsense.cosim.scenario.read import Document, Source, document_of
 from gapsense.many.execute import computed
 from gapsense.many.provenance import key
 from gapsense.many.store import RUNS, Store, alone
 from gapsense.many.worker import by_port
-from gapsense.problems import FmuError, ScenarioError
+from gapsense.problems import FmuError
 from gapsense.tables import Value, merged
 
 Values = Mapping[str, Value]  # by `component.parameter`
@@ -39,10 +39,7 @@ def after(progress: Progress, before: int, total: int, each: int = 1) -> Callabl
 
 def overlaid(scenario: Path, tables: Mapping[str, Any]) -> Document:
     """A scenario with tables laid over those of its file, as those of a variant are."""
-    problems: list[str] = []
-    document = read_document(scenario, problems)
-    if document is None:
-        raise ScenarioError(problems)
+    document = document_of(scenario)
     return replace(document, data=merged(document.data, tables), is_file=False)
 
 
@@ -56,20 +53,8 @@ def signals(
 ) -> Iterator[tuple[int, Signals | None]]:
     """Number of each run, in any order, and its signals; None for a run in which a component fails.
 
-    Parameters
-    ----------
-    scenario : str, Path or Document
-        The scenario.
-    variant : str or None
-        Its variant.
-    names : sequence of str
-        Signals, as `valve.position`.
-    draws : sequence of mappings
-        Of each run: values of parameters by `component.parameter`.
-    seeds : sequence of int, optional
-        Of each run: what is added to the scenario's seeds; by default nothing.
-    engine : str
-        As of `gapsense.sweep`.
+    The `draws` are, for each run, values of parameters by `component.parameter`; `seeds` what it adds to the scenario's
+    seeds, by default nothing. The `engine` is as of `gapsense.sweep`.
     """
     read, descriptions = prepare(scenario, variant)
     subject = Subject(replace(read, record=replace(read.record, signals=tuple(names)), metrics=()), descriptions)

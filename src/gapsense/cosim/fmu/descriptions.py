@@ -324,19 +324,10 @@ def find_fmu(name: str, scenario: Path, fmus: Path) -> Path:
 
 
 def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
-    """Model description of an FMU file.
+    """Model description of a co-simulation FMU of FMI 2.0 or 3.0 with a binary for this platform.
 
-    Parameters
-    ----------
-    path : Path
-        Co-simulation FMU of FMI 2.0 or 3.0 with a binary for this platform.
-    sizes : mapping of str to int, optional
-        Values of structural parameters, on which the sizes of arrays depend, other than their start values.
-
-    Raises
-    ------
-    UnusableError
-        Saying why the FMU cannot be used, and what to do.
+    The `sizes` are values of structural parameters, on which the sizes of arrays depend, other than their start values.
+    An UnusableError says why the FMU cannot be used, and what to do.
     """
     with suppress(OSError):  # of a file that is not there it is told below
         digest = sha256(path)
@@ -466,6 +457,7 @@ def feedthrough(model: Any, variables: Mapping[str, Variable]) -> dict[str, froz
     inputs = [v for v in variables.values() if v.causality == "input"]
 
     def direct(output: Variable) -> frozenset[str]:
+        """Inputs that an output depends on, by the name of their array where they are in one."""
         known = said.get(output.array or output.name)
         names = None if known is None else {v.name for v in known}
         return frozenset(v.name for v in inputs if names is None or (v.array or v.name) in names)
@@ -482,18 +474,14 @@ def mended(data: bytes) -> tuple[Element, bytes]:
     Without one a variable of FMI 2.0 is continuous, which a parameter and a variable that is not Real cannot be.
     """
     root = fromstring(data)
-    refuse_version(root.get("fmiVersion", "without a version"))
+    version = root.get("fmiVersion", "without a version")
+    if version != "2.0" and not version.startswith("3.0"):
+        raise UnusableError(f"FMI {shown(version)} found, FMI 2.0 or 3.0 co-simulation expected. Export it as that.")
     found = [variable for variable in root.iterfind("ModelVariables/ScalarVariable") if lacks_variability(variable)]
     for variable in found:
         variable.set("variability", "fixed" if variable.get("causality") in PARAMETERS else "discrete")
     refuse_dangling(root)
     return root, tostring(root, "utf-8", xml_declaration=True) if found else data
-
-
-def refuse_version(version: str) -> None:
-    """Raise unless an FMU is of FMI 2.0 or 3.0."""
-    if version != "2.0" and not version.startswith("3.0"):
-        raise UnusableError(f"FMI {shown(version)} found, FMI 2.0 or 3.0 co-simulation expected. Export it as that.")
 
 
 def lacks_variability(variable: Element) -> bool:

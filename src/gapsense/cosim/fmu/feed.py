@@ -8,7 +8,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense.cosim.check import value_problem
 from gapsense.cosim.fmu.descriptions import describe
@@ -16,11 +15,9 @@ from gapsense.cosim.fmu.instance import instance_of, unpacked
 from gapsense.cosim.run.loop.compiled import advancer
 from gapsense.cosim.run.part import Layout, Part, Player, Work
 from gapsense.cosim.run.recording import Recording, new_marks
-from gapsense.cosim.scenario.records import Component, Experiment, Port, ports
+from gapsense.cosim.scenario.records import Component, Experiment, Port, Vector, ports
 from gapsense.problems import ScenarioError
 from gapsense.tables import Value
-
-Vector = npt.NDArray[np.float64]
 
 
 def feed(

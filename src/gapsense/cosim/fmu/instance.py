@@ -25,9 +25,6 @@ from gapsense.cosim.fmu.descriptions import FOLDERS, Description, Variable, path
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
-# One FMU instance: life cycle and parameters, with errors that carry the component's own words.
-
-
 PLAIN = re.compile(r"[A-Za-z0-9_./:\\~-]+")
 C_TYPES_3: Mapping[str, Any] = {
     "Float64": ctypes.c_double,

@@ -13,10 +13,9 @@ import numpy.typing as npt
 
 from gapsense._os.files import read_columns
 from gapsense.cosim.result.result import TIME, Result, Run
-from gapsense.cosim.scenario.records import Baseline, Tolerance, matching
+from gapsense.cosim.scenario.records import Baseline, Tolerance, Vector, matching
 from gapsense.problems import listing
 
-Vector = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.bool_]
 SHARE = 0.05  # of the range of a signal: an edge goes beyond it from one row to the next
 TYPICAL = 10.0  # median changes from row to row: noise and smooth curves stay below it
@@ -38,19 +37,9 @@ def thinned(result: Result, baseline: Baseline) -> Result:
 
 
 def compare(result: Result, baseline: Baseline) -> Comparison:
-    """Hold a result against its baseline.
+    """Hold a complete result against its baseline, whose file exists.
 
-    Parameters
-    ----------
-    result : Result
-        Complete.
-    baseline : Baseline
-        Whose file exists.
-
-    Returns
-    -------
-    Comparison
-        Its `sentences` tell everything in which they differ; there are none if the result is as before.
+    The comparison's `sentences` tell everything in which they differ; there are none if the result is as before.
     """
     try:
         columns = read_columns(baseline.file, {**TIME, **result.units})

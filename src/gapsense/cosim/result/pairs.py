@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense._os.files import read_columns, read_sheet
 from gapsense.cosim.result.compare import (
@@ -27,10 +26,8 @@ from gapsense.cosim.result.compare import (
 from gapsense.cosim.result.result import TIME, Result, Run, Signal, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.scenario.read import RESULT, other_kind
-from gapsense.cosim.scenario.records import Baseline, Tolerance, matching
+from gapsense.cosim.scenario.records import Baseline, Tolerance, Vector, matching
 from gapsense.problems import InputError, listing, suggest
-
-Vector = npt.NDArray[np.float64]
 
 
 class Trajectories(NamedTuple):
@@ -124,35 +121,18 @@ def compare_results(
 ) -> Comparison:
     """Hold a result against another one, all signals over the whole run, as `gapsense compare` does.
 
-    Parameters
-    ----------
-    result, reference : Result
-        Their rows may be at different times.
-    rtol, atol : float
-        Allowed is `atol + rtol * nominal`.
-    edge_steps : int
-        Steps of its component by which an edge may come earlier or later.
+    Their rows may be at different times. Allowed is `atol + rtol * nominal`, and that an edge comes `edge_steps` steps
+    of its component earlier or later.
     """
     both = of_result(result, "the result"), of_result(reference, "the reference")
     return compare_trajectories(*both, Baseline(Path(), tolerance=Tolerance(rtol, atol, edge_steps)), Window())
 
 
 def compare_trajectories(result: Trajectories, reference: Trajectories, how: Baseline, window: Window) -> Comparison:
-    """Hold trajectories against others.
+    """Hold trajectories against others, with the tolerances of `how`, whose file is not read.
 
-    Parameters
-    ----------
-    result, reference : Trajectories
-        Where their rows are not at the same times, those of the coarser grid are compared, see `grids`.
-    how : Baseline
-        Tolerances; its file is not read.
-    window : Window
-        What of them is compared.
-
-    Returns
-    -------
-    Comparison
-        Signals, units and times that only one of them has are among its `problems`.
+    Where their rows are not at the same times, those of the coarser grid are compared. Signals, units and times that
+    only one of them has are among the `problems` of the comparison.
     """
     if not result.times.size or not reference.times.size:
         return Comparison((*result.problems, *reference.problems, "there are no rows to compare. Run again."))
@@ -166,7 +146,9 @@ def compare_trajectories(result: Trajectories, reference: Trajectories, how: Bas
         only = [name for name in names if name in one.signals and name not in other.signals]
         problems += [f"only in {one.name}: {listing(only)}. Record them in both, or choose signals."] if only else []
     problems += apart(inside(result.times, window), inside(reference.times, window), result.name, reference.name)
-    times = compared_times(result.times, reference.times, window)
+    is_whole = window.after < result.times[0] and window.before > result.times[-1]
+    is_same = is_whole and are_same(result.times, reference.times)
+    times = reference.times if is_same else common(result.times, reference.times, window.after, window.before)
     if not times.size:
         return Comparison((*problems, "the two have no times in common. Correct the window."))
     found = [difference(result, reference, name, times, how) for name in both]
@@ -178,13 +160,6 @@ def inside(times: Vector, window: Window) -> Vector:
     """Times within the window."""
     chosen: Vector = times[(times >= window.after) & (times <= window.before)]
     return chosen
-
-
-def compared_times(times: Vector, other: Vector, window: Window) -> Vector:
-    """Times that are compared: all where both have the same and no window is given."""
-    if are_same(times, other) and window.after < times[0] and window.before > times[-1]:
-        return other
-    return common(times, other, window.after, window.before)
 
 
 def spans(result: Trajectories, reference: Trajectories, window: Window) -> list[str]:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gapsense._os.files import prepared, read_columns, rename, sealed, sha256, write_columns, write_json
 from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
-from gapsense.cosim.scenario.records import Metric, Span
+from gapsense.cosim.scenario.records import Metric, Span, Vector
 from gapsense.cosim.show import pages, plots
 from gapsense.problems import suggest
 from gapsense.tables import Value
@@ -23,7 +23,6 @@ from gapsense.tables import Value
 Rows = npt.NDArray[np.intp]
 Window = tuple[float | None, float | None]  # `after` and `before`
 TIME = {"time": "s"}
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -183,18 +182,9 @@ class Result:
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.
 
-        Both are written before one of them takes its place: if that fails, what was there before is still whole. A
-        kill between them leaves two files that do not fit, which `read_result` refuses.
-
-        Parameters
-        ----------
-        path : str or Path
-            Name of the CSV file; its folder is made if there is none.
-
-        Returns
-        -------
-        Path
-            The CSV file.
+        The folder is made if there is none. Both files are written before one of them takes its place: if that fails,
+        what was there before is still whole. A kill between them leaves two files that do not fit, which `read_result`
+        refuses.
         """
         path = Path(path).with_suffix(".csv")
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -231,22 +221,9 @@ Measure = Callable[[Result], Mapping[str, float]]
 
 
 def read_result(path: str | Path) -> Result:
-    """Result that was saved as `path` and its side-car.
+    """Result that was saved as `path` (CSV) and its side-car, equal bit for bit.
 
-    Parameters
-    ----------
-    path : str or Path
-        The CSV file.
-
-    Returns
-    -------
-    Result
-        Equal to the one saved, bit for bit.
-
-    Raises
-    ------
-    InputError
-        If the two files are not those of one run, as their hash tells, or no result at all.
+    An InputError tells if the two files are not those of one run, by their hash, or no result at all.
     """
     path = Path(path)
     data, content = read_whole(path)
@@ -313,6 +290,7 @@ def finder(result: Result) -> Callable[[Metric], Samples]:
 
     @cache
     def inside(component: str, where: str | None, time: str | None, window: Window) -> Samples:
+        """Rows at which a component has stepped, `where` is not 0, and the time lies in the window."""
         rows = stepped(component)
         if where is not None:
             rows = rows[result[where][rows] != 0.0]

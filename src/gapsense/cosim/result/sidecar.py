@@ -17,18 +17,8 @@ FORMAT = "gapsense result 3"
 ELSEWHERE = "choose another place with `--out`"
 PLAIN = re.compile(r"[\w.+=-]+")
 LONGEST = 80  # characters of settings in the name of a file
-ENDINGS = (
-    ".json",
-    ".png",
-    ".pdf",
-    ".svg",
-    ".html",
-    ".toml",
-    ".txt",
-    ".xlsx",
-    ".parquet",
-    ".sqlite",
-)  # that are no folders
+# Of files, so that they are no folders.
+ENDINGS = (".json", ".png", ".pdf", ".svg", ".html", ".toml", ".txt", ".xlsx", ".parquet", ".sqlite")
 SIGNALS = re.compile(rb'"time( \[s\])?","?[A-Za-z_]\w*\.')  # of a result
 LOOKED_AT = 1000  # bytes
 OLDER = "gapsense result 2"  # which has no checksum of its own

@@ -229,24 +229,23 @@ def record(plan: Plan, folder: Path) -> Recording:
         recording.error = error
         return recording
     atexit.register(master.close)
-    notes = Notes(folder / FACTS, master, recording)
+    notes = noting(folder / FACTS, master, recording)
     columns, seeds, values = plan.take
     return master.run(columns, seeds, notes, values, recording, plan.keeper)
 
 
-class Notes:
-    """Writes down now and then what is known of a run, to be told of progress."""
+def noting(file: Path, master: Master, recording: Recording) -> Progress:
+    """Function that is told of progress, and writes down now and then what is known of a run."""
+    due = monotonic()
 
-    def __init__(self, file: Path, master: Master, recording: Recording) -> None:
-        self.file, self.master, self.recording = file, master, recording
-        self.due = monotonic()
+    def note(done: int, total: int) -> None:
+        nonlocal due
+        if monotonic() >= due:
+            facts = {**recording.facts(), "messages": master.messages()}
+            write_atomically(file, lambda opened: json.dump(facts, opened))
+            due = monotonic() + PERIOD
 
-    def __call__(self, done: int, total: int) -> None:
-        """Write if it is time."""
-        if monotonic() >= self.due:
-            facts = {**self.recording.facts(), "messages": self.master.messages()}
-            write_atomically(self.file, lambda file: json.dump(facts, file))
-            self.due = monotonic() + PERIOD
+    return note
 
 
 def opened(file: Path, size: tuple[int, int]) -> npt.NDArray[np.float64]:

@@ -267,6 +267,7 @@ def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Pa
     calls = {part: (part.taker(), part.reader()) for part in parts}
 
     def act(part: Part, is_again: bool, leaves: bool) -> None:
+        """Exchange values with a part, from the state that it had before, and let it leave the initialization mode."""
         mark(part)
         renew(part, is_again)
         take, read = calls[part]

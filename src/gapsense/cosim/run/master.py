@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter, sleep
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -44,21 +44,9 @@ from gapsense.tables import Value
 
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
+# That of `checkpoint.py`, which knows this module: it saves a run, and lets it go on from there.
+Keeper: TypeAlias = Any
 REPORTS = 200  # progress reports per run
-
-
-class Keeper(Protocol):
-    """Saves a run every so many base steps, and lets it go on from there; that of `checkpoint.py` is one."""
-
-    @property
-    def every(self) -> int:
-        """Base steps between two times."""
-
-    def save(self, master: Master, recording: Recording, done: int) -> None:
-        """Save the run after a base step."""
-
-    def restore(self, master: Master, recording: Recording) -> int:
-        """Bring the run to where it was saved; the base step to do next, 0 if it was not."""
 
 
 class Master:

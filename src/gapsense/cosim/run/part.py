@@ -513,6 +513,7 @@ def player(signals: Mapping[Port, Played], index: Mapping[Port, int], experiment
     """What plays the signals of a scenario: the value of each at the time of the base step."""
 
     def rows(k: int) -> Matrix:
+        """Values (BLOCK, signals) from a base step on."""
         times = experiment.start + np.arange(k, k + BLOCK, dtype=np.float64) * experiment.base_step
         slack = SLACK * experiment.base_step
         values = np.array([signal.at(times, slack) for signal in signals.values()])

@@ -247,11 +247,8 @@ class Ramp:
         own = {p: v for p, v in own.items() if v.variability in ("", "continuous") and p not in part.means}
         self.part, self.buffer, self.places = part, part.buffer, [part.places.index[port] for port in own]
         self.variables = [*own.values()]
-        self.base, self.every, self.gone = (
-            work.experiment.base_step,
-            0,
-            0,
-        )  # the step, and the one before, in base steps
+        self.base = work.experiment.base_step
+        self.every = self.gone = 0  # the step, and the one before, in base steps
         self.piece = 0.0  # of a step [s]; 0: all of it
         now = [self.buffer[place] for place in self.places]
         self.old = work.recording.inputs.setdefault(part.component.name, now)

@@ -17,7 +17,7 @@ from gapsense.cosim.result.result import Measure, Result
 from gapsense.cosim.run.master import Master, Progress
 from gapsense.cosim.run.run import run, run_once
 from gapsense.cosim.scenario.keys import FILE, key_of
-from gapsense.cosim.scenario.read import Document, read_document, scenario_file
+from gapsense.cosim.scenario.read import Document, document_of, scenario_file
 from gapsense.cosim.show import pages
 from gapsense.problems import ScenarioError, suggest
 from gapsense.tables import Key, Section, flattened
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from gapsense.many.sweep import Sweep
 
 
-Self = TypeVar("Self", bound="Content")
+Self = TypeVar("Self", bound="Scenario")
 KEYS = ("step", "offset", "edge", "parameters", "board", "firmware", "clock")  # of a component, beside its parameters
 UNFIT = re.compile(r"[^\w .-]")  # for the name of a file
 
 
-# The content of a scenario, put together by a program.
+class Scenario:
+    """A co-simulation that a program puts together, runs, changes and runs again.
 
-
-class Content:
-    """What a scenario file says, in `data` as TOML is read; whatever has no method of its own is changed there.
+    What a scenario file says is in `data`, as TOML is read; whatever has no method of its own is changed there. What is
+    wrong is told when the scenario is checked or run, all at once and in the words for a file.
 
     Parameters
     ----------
@@ -49,6 +49,9 @@ class Content:
     experiment : float or str
         Keys of `[experiment]`: `stop` and `base_step` [s] are needed.
     """
+
+    master: Master | None = None
+    end: Callable[[], object] | None = None
 
     def __init__(
         self,
@@ -63,26 +66,14 @@ class Content:
     @classmethod
     def load(cls: type[Self], source: str | Path, fmus: str | Path | None = None) -> Self:
         """The scenario of a file, or of `scenario.toml` in a folder."""
-        problems: list[str] = []
-        document = read_document(source, problems)
-        if document is None:
-            raise ScenarioError(problems)
         made = cls(fmus=fmus)
-        made.data, made.path = dict(document.data), scenario_file(source).resolve()
+        made.data, made.path = dict(document_of(source).data), scenario_file(source).resolve()
         return made
 
     def save(self, path: str | Path) -> Path:
-        """Write the scenario file, or `scenario.toml` in a folder; an old one is replaced.
+        """Write the scenario file, at a path that ends in `.toml`, or `scenario.toml` in a folder.
 
-        Parameters
-        ----------
-        path : str or Path
-            The file, with the ending `.toml`, or the folder.
-
-        Returns
-        -------
-        Path
-            The file.
+        An old one is replaced.
         """
         path = Path(path)
         file = path if path.suffix == ".toml" else path / "scenario.toml"
@@ -229,52 +220,14 @@ class Content:
         if "connections" in self.data:
             self.data["connections"] = [c for c in self.data["connections"] if c.get("to") != target]
 
-
-def drop(table: dict[str, Any], name: str) -> None:
-    """Remove a dotted name from a table, however it was written."""
-    table.pop(name, None)
-    head, dot, rest = name.partition(".")
-    if dot and isinstance(table.get(head), dict):
-        drop(table[head], rest)
-        if not table[head]:
-            del table[head]
-
-
-def plain(value: Any) -> Any:
-    """A value as TOML has it: lists for sequences, texts for paths, numbers for those of numpy."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items() if item is not None}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, PathLike):
-        return Path(value).as_posix()
-    return value.item() if hasattr(value, "item") else value
-
-
-class Scenario(Content):
-    """A co-simulation that a program puts together, runs, changes and runs again.
-
-    What is wrong is told when it is checked or run, all at once and in the words for a file.
-    """
-
-    master: Master | None = None
-    end: Callable[[], object] | None = None
-
     def check(self, variant: str | None = None) -> list[str]:
         """Problems of the scenario, found without running it, one sentence each."""
         return check(self.document, variant, self.fmus)
 
     def run(self, variant: str | None = None, seed_shift: int = 0, progress: Progress | None = None) -> Result:
-        """Run it. FMUs are loaded for the first run, and again only if components or connections have changed.
+        """Run it as `cosim.run` does.
 
-        Parameters
-        ----------
-        variant, seed_shift, progress
-            As for `cosim.run`.
-
-        Returns
-        -------
-        Result
+        FMUs are loaded for the first run, and again only if components or connections have changed.
         """
         read, descriptions = prepare(self.document, variant, self.fmus)
         if read.experiment.isolation == "process":
@@ -298,18 +251,9 @@ class Scenario(Content):
         measure: Measure | None = None,
         progress: Progress | None = None,
     ) -> Sweep:
-        """Run every combination of values, with several seeds, and collect the metrics.
+        """Run every combination of values, with several seeds, and collect the metrics, as `cosim.sweep` does.
 
-        Parameters
-        ----------
-        grid : mapping, optional
-            Values by parameter; it becomes the scenario's `[sweep]`.
-        seeds, workers, out, measure, progress
-            As for `cosim.sweep`.
-
-        Returns
-        -------
-        Sweep
+        The `grid` has values by parameter; it becomes the scenario's `[sweep]`.
         """
         from gapsense.many.sweep import sweep  # which stands above this package
 
@@ -319,17 +263,7 @@ class Scenario(Content):
         return sweep(self.document, seeds, workers=workers, **options)  # type: ignore[arg-type]
 
     def converge(self, variant: str | None = None, **options: Any) -> Convergence:
-        """Tell how large the error of its base step is, by runs with shorter ones.
-
-        Parameters
-        ----------
-        variant, options
-            As for `gapsense.converge`.
-
-        Returns
-        -------
-        Convergence
-        """
+        """Tell how large the error of its base step is, with the options of `gapsense.converge`."""
         from gapsense.cosim.convergence import converge  # which stands above this package
 
         return converge(self.document, variant, self.fmus, **options)
@@ -355,6 +289,27 @@ class Scenario(Content):
         return pages().of_scenario(self.data, repr(self))
 
 
+def drop(table: dict[str, Any], name: str) -> None:
+    """Remove a dotted name from a table, however it was written."""
+    table.pop(name, None)
+    head, dot, rest = name.partition(".")
+    if dot and isinstance(table.get(head), dict):
+        drop(table[head], rest)
+        if not table[head]:
+            del table[head]
+
+
+def plain(value: Any) -> Any:
+    """A value as TOML has it: lists for sequences, texts for paths, numbers for those of numpy."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items() if item is not None}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, PathLike):
+        return Path(value).as_posix()
+    return value.item() if hasattr(value, "item") else value
+
+
 # The content of a scenario as a TOML file, in whichever folder.
 
 
@@ -372,6 +327,7 @@ def moved(tables: Mapping[str, Any], section: Section, old: Path, new: Path) -> 
     """Content of a table whose file moves from one folder to another."""
 
     def value(name: str, item: Any) -> Any:
+        """Value of a key, whatever it is, as the table in the new folder has it."""
         key = key_of(section, name)
         if isinstance(item, dict):
             return moved(item, (key and key.section) or section, old, new)

@@ -30,6 +30,7 @@ def read_sections(file: Path, choices: Mapping[str, Collection[str]]) -> dict[st
     data, made = parsed(file.read_text("utf-8")) or {}, dict[str, Section]()
 
     def section(name: str) -> Section:
+        """Section of that name, made once; its last key stands for names that are free if it is called `<...>`."""
         if name not in made:
             *others, last = [key(of, row) for of, row in data[name].pop("keys").items()]
             is_free = last.name.startswith("<")
@@ -38,6 +39,7 @@ def read_sections(file: Path, choices: Mapping[str, Collection[str]]) -> dict[st
         return made[name]
 
     def key(name: str, row: dict[str, Any]) -> Key:
+        """Key of a row; without anything else the first of its choices holds."""
         words = tuple(choices[row.pop("choices")]) if "choices" in row else ()
         if words and not (row.get("required") or row.get("otherwise")):
             row["default"] = words[0]

@@ -229,23 +229,23 @@ def read_document(source: Source, problems: list[str]) -> Document | None:
     return None if data is None else Document(path, data, is_file=True)
 
 
+def document_of(source: Source, variant: str | None = None) -> Document:
+    """Content of a scenario with one of its variants laid over it; a ScenarioError says why it cannot be read."""
+    problems: list[str] = []
+    document = read_document(source, problems)
+    document = document and document.with_variant(variant, problems)
+    if document is None:
+        raise ScenarioError(problems)
+    return document
+
+
 # Values laid over a scenario from outside: `--set component.variable=value`.
 
 
 def changed(source: Source, settings: Sequence[str]) -> Source:
-    """A scenario with values laid over it that are written as on the command line.
+    """A scenario with values laid over it that are written as on the command line: `valve.damping=0.4`.
 
-    Parameters
-    ----------
-    source : str, Path or Document
-        The scenario.
-    settings : sequence of str
-        As `valve.damping=0.4`. What TOML does not take as a value is a text; files are relative to the working folder.
-
-    Returns
-    -------
-    str, Path or Document
-        The scenario itself where there is nothing to lay over it.
+    What TOML does not take as a value is a text; files are relative to the working folder.
     """
     if not settings:
         return source
@@ -314,23 +314,9 @@ class Draft:
 
 
 def load(source: Source, variant: str | None = None) -> Scenario:
-    """Scenario of a file (or of `scenario.toml` in a folder), with one of its variants applied.
+    """Scenario of a file, of `scenario.toml` in a folder, or of its content, with one of its variants applied.
 
-    Parameters
-    ----------
-    source : str, Path or Document
-        Scenario file, its folder, or its content.
-    variant : str, optional
-        Name of a variant in the file.
-
-    Returns
-    -------
-    Scenario
-
-    Raises
-    ------
-    ScenarioError
-        With all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
+    A ScenarioError has all problems of the file and its parameter sets. The FMUs are not looked at: see `check`.
     """
     draft = read_draft(source, variant)
     if draft.problems or draft.scenario is None:
@@ -364,7 +350,7 @@ class Reader:
         about, experiment = self.table.read(SECTIONS["file"]), self.section("experiment", self.experiment)
         (inputs, played), seeds = self.section("inputs", self.inputs), self.section("seeds", self.seeds)
         components, events = self.section("components", self.components), self.section(SECTION, self.events)
-        grid, rows, columns = self.section("sweep", self.sweep)
+        grid, rows, columns = self.section("sweep", lambda table: read_sweep(table, self.path.parent, self.files))
         self.changes.finish(components)
         return Scenario(
             path=self.path,
@@ -393,10 +379,6 @@ class Reader:
             hashes=self.document.hashes,
             settings=self.document.changes,
         )
-
-    def sweep(self, table: Table) -> tuple[Grid, Rows, RowsColumns]:
-        """Values that a sweep goes through."""
-        return read_sweep(table, self.path.parent, self.files)
 
     def events(self, table: Table) -> dict[str, Event]:
         """Events by name, with the values laid over them."""

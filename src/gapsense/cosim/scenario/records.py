@@ -296,9 +296,6 @@ class Played:
         return held
 
 
-# What a scenario says, as records. `read.py` reads them from a file, `cosim/check` holds them against the FMUs.
-
-
 MOST_RUNS = 10**7  # of a sweep or a campaign
 
 

@@ -19,7 +19,8 @@ from gapsense.estimators.monitor.records import (
     Course,
     Evidence,
     Inputs,
-    Kept,
+    KeptMeans,
+    KeptValues,
     Learnt,
     Moved,
     Operation,
@@ -36,7 +37,7 @@ from gapsense.estimators.monitor.records import (
 from gapsense.estimators.monitor.signatures import CAUSES, COLDER, GRADUAL, SUDDEN, Signature, direction
 from gapsense.estimators.readings import INNOVATION, can_be_read
 from gapsense.kernels.elementary import exp, log
-from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
 from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, square, when, where
 
@@ -65,11 +66,11 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     values = baseline.healthy
     state = State(
         baseline=baseline,
-        usually=Usual(vector([0.0] * 2 * PHASES), vector([0.0] * 2 * PHASES)),
+        usually=blank(Usual),
         operation=_begin(inputs, 0.0)._replace(is_commanded=0.0),
-        course=Course(
+        course=blank(
+            Course,
             verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
-            profile=vector([0.0] * 2 * PHASES),
             sound=values,
         ),
         learnt=Learnt(
@@ -103,16 +104,7 @@ def _sample(state: State, inputs: Inputs, par: Parameters) -> State:
 
 
 def _begin(inputs: Inputs, last: Scalar) -> Operation:
-    nothing = vector([0.0] * PHASES)
-    return Operation(
-        command=flag(inputs.command > 0.5),
-        began=inputs.time,
-        sums=nothing,
-        counts=nothing,
-        charges=nothing,
-        samples=nothing,
-        last=last,
-    )
+    return blank(Operation, command=flag(inputs.command > 0.5), began=inputs.time, last=last, is_commanded=1.0)
 
 
 def _go_on(before: Operation, usually: Usual, inputs: Inputs, par: Parameters) -> Operation:
@@ -442,15 +434,13 @@ def where_all(c: Scalar, a: Array, b: Array) -> Array:
 
 def _given(par: Parameters) -> Baseline:
     """The baseline of an earlier run; none with fewer windows than make one."""
-    first = Parameters._fields.index("baseline_size")
-    size, *rest = par[first:]
     is_whole = par.baseline_windows >= par.learn_windows
-    given = vector([where(is_whole, x, 0.0) for x in rest])
+    usual, healthy = (vector([where(is_whole, x, 0.0) for x in given]) for given in (par.means, par.values))
     return Baseline(
         taught=where(is_whole, par.baseline_windows, 0.0),
-        usual_size=where(is_whole, size, 0.0),
-        usual=given[: 2 * PHASES],
-        healthy=given[2 * PHASES :],
+        usual_size=where(is_whole, par.baseline_size, 0.0),
+        usual=usual,
+        healthy=healthy,
     )
 
 
@@ -472,5 +462,8 @@ def _outputs(state: State) -> Outputs:
         profile=Profile(*course.profile),
         moved=Moved(*moved),
         trend=Trend(*(PER / lag * (learnt.quick - learnt.slow))),
-        kept=Kept(baseline.taught, baseline.usual_size, *baseline.usual, *baseline.healthy),
+        baseline_windows=baseline.taught,
+        baseline_size=baseline.usual_size,
+        kept_means=KeptMeans(*baseline.usual),
+        kept_values=KeptValues(*baseline.healthy),
     )

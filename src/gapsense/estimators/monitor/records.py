@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from gapsense.kernels.interface import input_, measured, output, parameter, part, ports, sample_time
+from gapsense.estimators.monitor.signatures import CAUSES_TOLD
+from gapsense.kernels.interface import input_, measured, output, parameter, part, ports, record_of, sample_time
 from gapsense.kernels.layout import Array, Choice, Scalar, Vector
-
-PHASES, VALUES = 4, 8
 
 
 class Verdict(Choice):
@@ -22,24 +21,39 @@ class Phase(Choice):
     before, moving, landed, held = range(4)
 
 
+PHASES = len(Phase)
+
+
 def of_mhe(unit: str, signal: str, description: str, **more: Any) -> Scalar:
     """An output of `Mhe`."""
     return input_(unit, description, source=f"mhe.{signal}", **more)
 
 
-def learnt(unit: str, signal: str, nominal: float) -> Scalar:
+LEARNT = {  # what `Mhe` learns, and in which unit
+    "resistance": ("resistance", "Ohm"),
+    "eddy": ("eddy currents", "S"),
+    "gap_factor": ("gap factor", "1"),
+    "knee": ("knee", "A"),
+    "saturation": ("saturation", "Wb"),
+    "hysteresis": ("hysteresis", "A"),
+    "mass": ("mass", "kg"),
+    "rest_position": ("rest position", "m"),
+}
+VALUES = len(LEARNT)
+WHERE = ("before the motion", "in the motion", "after the landing", "in the rest")  # by phase
+MEANS = {f"{kind}_{p.name}": (kind, WHERE[p]) for kind in ("closing", "opening") for p in Phase}  # of innovations
+USUAL = "Usual mean innovation {1}, {0}; counts with baseline.windows"
+HEALTHY = "Logarithm of the {0} of the healthy device; counts with baseline.windows"
+UsualMeans = record_of("UsualMeans", MEANS, "baseline_{}", lambda _, mean: parameter("A", USUAL.format(*mean), 0.0))
+HealthyValues = record_of(
+    "HealthyValues", LEARNT, "baseline_{}", lambda _, value: parameter("1", HEALTHY.format(value[0]), 0.0)
+)
+
+
+def learnt(name: str, nominal: float) -> Scalar:
     """A value that `Mhe` has learnt, or its standard deviation."""
-    return of_mhe(unit, signal, f"`{signal}` of Mhe", nominal=nominal)
-
-
-def usual(kind: str, where: str) -> Scalar:
-    """A mean innovation that is usual, to begin with."""
-    return parameter("A", f"Usual mean innovation {where}, {kind}; counts with baseline.windows", 0.0)
-
-
-def known(what: str) -> Scalar:
-    """The logarithm of a learnt value when the device was healthy, to begin with."""
-    return parameter("1", f"Logarithm of {what} of the healthy device; counts with baseline.windows", 0.0)
+    unit = LEARNT[name.removesuffix("_std")][1]
+    return of_mhe(unit, name, f"`{name}` of Mhe", nominal=nominal)
 
 
 @ports()
@@ -58,22 +72,8 @@ class Parameters(NamedTuple):
         "1", "Windows behind the baseline below; fewer than learn.windows: it is learnt", 0.0, min=0.0
     )
     baseline_size: Scalar = parameter("A", "Usual size of a profile; counts with baseline.windows", 1e-3, min=0.0)
-    baseline_closing_before: Scalar = usual("closing", "before the motion")
-    baseline_closing_moving: Scalar = usual("closing", "in the motion")
-    baseline_closing_landed: Scalar = usual("closing", "after the landing")
-    baseline_closing_held: Scalar = usual("closing", "in the rest")
-    baseline_opening_before: Scalar = usual("opening", "before the motion")
-    baseline_opening_moving: Scalar = usual("opening", "in the motion")
-    baseline_opening_landed: Scalar = usual("opening", "after the landing")
-    baseline_opening_held: Scalar = usual("opening", "in the rest")
-    baseline_resistance: Scalar = known("the resistance")
-    baseline_eddy: Scalar = known("the eddy currents")
-    baseline_gap_factor: Scalar = known("the gap factor")
-    baseline_knee: Scalar = known("the knee")
-    baseline_saturation: Scalar = known("the saturation")
-    baseline_hysteresis: Scalar = known("the hysteresis")
-    baseline_mass: Scalar = known("the mass")
-    baseline_rest_position: Scalar = known("the rest position")
+    means: Annotated[Any, UsualMeans] = UsualMeans()
+    values: Annotated[Any, HealthyValues] = HealthyValues()
 
 
 @ports()
@@ -88,22 +88,22 @@ class Inputs(NamedTuple):
     health_causes: Scalar = of_mhe("1", "health_causes", "Why Mhe is not healthy: bit 1 counts", min=0.0)
     windows: Scalar = of_mhe("1", "windows", "Windows solved so far", min=0.0, nominal=100.0)
     misfit: Scalar = of_mhe("1", "misfit", "Misfit of the last one", min=0.0)
-    resistance: Scalar = learnt("Ohm", "resistance", 48.0)
-    eddy: Scalar = learnt("S", "eddy", 1e-3)
-    gap_factor: Scalar = learnt("1", "gap_factor", 1.0)
-    knee: Scalar = learnt("A", "knee", 0.5)
-    saturation: Scalar = learnt("Wb", "saturation", 25e-3)
-    hysteresis: Scalar = learnt("A", "hysteresis", 10e-3)
-    mass: Scalar = learnt("kg", "mass", 1.6e-3)
-    rest_position: Scalar = learnt("m", "rest_position", 19e-3)
-    resistance_std: Scalar = learnt("Ohm", "resistance_std", 0.1)
-    eddy_std: Scalar = learnt("S", "eddy_std", 1e-4)
-    gap_factor_std: Scalar = learnt("1", "gap_factor_std", 0.01)
-    knee_std: Scalar = learnt("A", "knee_std", 0.01)
-    saturation_std: Scalar = learnt("Wb", "saturation_std", 1e-4)
-    hysteresis_std: Scalar = learnt("A", "hysteresis_std", 1e-3)
-    mass_std: Scalar = learnt("kg", "mass_std", 1e-5)
-    rest_position_std: Scalar = learnt("m", "rest_position_std", 1e-4)
+    resistance: Scalar = learnt("resistance", 48.0)
+    eddy: Scalar = learnt("eddy", 1e-3)
+    gap_factor: Scalar = learnt("gap_factor", 1.0)
+    knee: Scalar = learnt("knee", 0.5)
+    saturation: Scalar = learnt("saturation", 25e-3)
+    hysteresis: Scalar = learnt("hysteresis", 10e-3)
+    mass: Scalar = learnt("mass", 1.6e-3)
+    rest_position: Scalar = learnt("rest_position", 19e-3)
+    resistance_std: Scalar = learnt("resistance_std", 0.1)
+    eddy_std: Scalar = learnt("eddy_std", 1e-4)
+    gap_factor_std: Scalar = learnt("gap_factor_std", 0.01)
+    knee_std: Scalar = learnt("knee_std", 0.01)
+    saturation_std: Scalar = learnt("saturation_std", 1e-4)
+    hysteresis_std: Scalar = learnt("hysteresis_std", 1e-3)
+    mass_std: Scalar = learnt("mass_std", 1e-5)
+    rest_position_std: Scalar = learnt("rest_position_std", 1e-4)
 
 
 class Baseline(NamedTuple):
@@ -187,69 +187,23 @@ class State(NamedTuple):
     since: Annotated[Array, Vector(12)]
 
 
-def evidence(what: str) -> Scalar:
-    """An output for a cause."""
-    return output("1", f"Evidence, 0 to 1: {what}", min=0.0, max=1.0)
+# outputs for each cause, each learnt value, each mean innovation; in the order of `CAUSES`, `LEARNT`, `MEANS`
 
-
-@ports()
-class Evidence(NamedTuple):
-    """How much speaks for each cause; their order is that of `signatures`."""
-
-    evidence_stuck_upper: Scalar = evidence("stuck at the upper stop")
-    evidence_stuck_lower: Scalar = evidence("stuck at the lower stop")
-    evidence_lower_stop: Scalar = evidence("lower stop higher")
-    evidence_upper_stop: Scalar = evidence("upper stop lower")
-    evidence_spring: Scalar = evidence("spring weaker or broken")
-    evidence_turns: Scalar = evidence("turns shorted")
-    evidence_contact: Scalar = evidence("resistance in the circuit higher at once, as of a contact")
-    evidence_open: Scalar = evidence("circuit open")
-    evidence_supply: Scalar = evidence("voltage lower than measured")
-    evidence_gain: Scalar = evidence("current sensor reads too little")
-    evidence_friction: Scalar = evidence("friction, damping or mass higher")
-    evidence_still: Scalar = evidence("no voltage, or none that moves the device")
-
-
-def since(what: str) -> Scalar:
-    """An output for a cause."""
-    return output("s", f"Begin of the operation in which the evidence passed 0.5, or -1: {what}", min=-1.0)
-
-
-@ports()
-class Since(NamedTuple):
-    """Since when more than half speaks for each cause."""
-
-    since_stuck_upper: Scalar = since("stuck at the upper stop")
-    since_stuck_lower: Scalar = since("stuck at the lower stop")
-    since_lower_stop: Scalar = since("lower stop higher")
-    since_upper_stop: Scalar = since("upper stop lower")
-    since_spring: Scalar = since("spring weaker or broken")
-    since_turns: Scalar = since("turns shorted")
-    since_contact: Scalar = since("resistance higher at once")
-    since_open: Scalar = since("circuit open")
-    since_supply: Scalar = since("voltage lower than measured")
-    since_gain: Scalar = since("current sensor reads too little")
-    since_friction: Scalar = since("friction, damping or mass higher")
-    since_still: Scalar = since("no voltage, or none that moves the device")
-
-
-def trend(what: str) -> Scalar:
-    """An output for a learnt value."""
-    return output("1", f"Relative change per 1,000 operations: {what}")
-
-
-@ports()
-class Trend(NamedTuple):
-    """Where the learnt values go."""
-
-    trend_resistance: Scalar = trend("resistance")
-    trend_eddy: Scalar = trend("eddy currents")
-    trend_gap_factor: Scalar = trend("gap factor")
-    trend_knee: Scalar = trend("knee")
-    trend_saturation: Scalar = trend("saturation")
-    trend_hysteresis: Scalar = trend("hysteresis")
-    trend_mass: Scalar = trend("mass")
-    trend_rest_position: Scalar = trend("rest position")
+PASSED = "Begin of the operation in which the evidence passed 0.5, or -1"
+DIFFERS = "Mean innovation less the usual one, of the last operation or of the fault"  # which the evidence rests on
+MOVED = "Change since the baseline, in usual wanderings"
+SHORTER = {"since_contact": "resistance higher at once"}
+Evidence = record_of(
+    "Evidence", CAUSES_TOLD, "evidence_{}", lambda _, why: output("1", f"Evidence, 0 to 1: {why}", min=0.0, max=1.0)
+)
+Since = record_of(
+    "Since", CAUSES_TOLD, "since_{}", lambda n, why: output("s", f"{PASSED}: {SHORTER.get(n, why)}", min=-1.0)
+)
+Trend = record_of(
+    "Trend", LEARNT, "trend_{}", lambda _, value: output("1", f"Relative change per 1,000 operations: {value[0]}")
+)
+Profile = record_of("Profile", MEANS, "profile_{}", lambda _, mean: output("A", f"{DIFFERS}: {', '.join(mean)}"))
+Moved = record_of("Moved", LEARNT, "moved_{}", lambda _, value: output("1", f"{MOVED}: {value[0]}"))
 
 
 def kept(unit: str, what: str) -> Scalar:
@@ -257,66 +211,20 @@ def kept(unit: str, what: str) -> Scalar:
     return output(unit, f"For the parameter of that name after a restart: {what}")
 
 
-@ports()
-class Kept(NamedTuple):
-    """The baseline, in the order of the parameters."""
-
-    baseline_windows: Scalar = kept("1", "windows behind the baseline")
-    baseline_size: Scalar = kept("A", "usual size of a profile")
-    baseline_closing_before: Scalar = kept("A", "mean innovation of a closing before the motion")
-    baseline_closing_moving: Scalar = kept("A", "in the motion")
-    baseline_closing_landed: Scalar = kept("A", "after the landing")
-    baseline_closing_held: Scalar = kept("A", "in the rest")
-    baseline_opening_before: Scalar = kept("A", "mean innovation of an opening before the motion")
-    baseline_opening_moving: Scalar = kept("A", "in the motion")
-    baseline_opening_landed: Scalar = kept("A", "after the landing")
-    baseline_opening_held: Scalar = kept("A", "in the rest")
-    baseline_resistance: Scalar = kept("1", "logarithm of the resistance [ohm]")
-    baseline_eddy: Scalar = kept("1", "logarithm of the eddy currents [S]")
-    baseline_gap_factor: Scalar = kept("1", "logarithm of the gap factor")
-    baseline_knee: Scalar = kept("1", "logarithm of the knee [A]")
-    baseline_saturation: Scalar = kept("1", "logarithm of the saturation [Wb]")
-    baseline_hysteresis: Scalar = kept("1", "logarithm of the hysteresis [A]")
-    baseline_mass: Scalar = kept("1", "logarithm of the mass [kg]")
-    baseline_rest_position: Scalar = kept("1", "logarithm of the rest position [m]")
+def _kept_mean(field: str, mean: tuple[str, str]) -> Scalar:
+    kind, where = mean
+    article = "an" if kind == "opening" else "a"
+    return kept("A", f"mean innovation of {article} {kind} {where}" if where == WHERE[0] else where)
 
 
-def differs(where: str) -> Scalar:
-    """An output: an entry of the profile that the evidence rests on."""
-    return output("A", f"Mean innovation less the usual one, of the last operation or of the fault: {where}")
+def _kept_value(field: str, value: tuple[str, str]) -> Scalar:
+    what, unit = value
+    shown = {"1": "", "Ohm": " [ohm]"}.get(unit, f" [{unit}]")
+    return kept("1", f"logarithm of the {what}{shown}")
 
 
-@ports()
-class Profile(NamedTuple):
-    """What sudden causes are judged by."""
-
-    profile_closing_before: Scalar = differs("closing, before the motion")
-    profile_closing_moving: Scalar = differs("closing, in the motion")
-    profile_closing_landed: Scalar = differs("closing, after the landing")
-    profile_closing_held: Scalar = differs("closing, in the rest")
-    profile_opening_before: Scalar = differs("opening, before the motion")
-    profile_opening_moving: Scalar = differs("opening, in the motion")
-    profile_opening_landed: Scalar = differs("opening, after the landing")
-    profile_opening_held: Scalar = differs("opening, in the rest")
-
-
-def moves(what: str) -> Scalar:
-    """An output: how far a learnt value has moved."""
-    return output("1", f"Change since the baseline, in usual wanderings: {what}")
-
-
-@ports()
-class Moved(NamedTuple):
-    """What gradual causes are judged by."""
-
-    moved_resistance: Scalar = moves("resistance")
-    moved_eddy: Scalar = moves("eddy currents")
-    moved_gap_factor: Scalar = moves("gap factor")
-    moved_knee: Scalar = moves("knee")
-    moved_saturation: Scalar = moves("saturation")
-    moved_hysteresis: Scalar = moves("hysteresis")
-    moved_mass: Scalar = moves("mass")
-    moved_rest_position: Scalar = moves("rest position")
+KeptMeans = record_of("KeptMeans", MEANS, "baseline_{}", _kept_mean)
+KeptValues = record_of("KeptValues", LEARNT, "baseline_{}", _kept_value)
 
 
 @ports(feedthrough=("command", "windows", "misfit"))
@@ -337,9 +245,12 @@ class Outputs(NamedTuple):
     motions: Scalar = output("1", "Those with a motion", min=0.0)
     strangeness: Scalar = output("1", "Size of the last operation's profile, in usual sizes", min=0.0)
     wear: Scalar = output("1", "Size of what has moved since the baseline, in usual wanderings", min=0.0)
-    evidence: Evidence = part()
-    since: Since = part()
-    profile: Profile = part()
-    moved: Moved = part()
-    trend: Trend = part()
-    kept: Kept = part()
+    evidence: Annotated[Any, Evidence] = part()
+    since: Annotated[Any, Since] = part()
+    profile: Annotated[Any, Profile] = part()
+    moved: Annotated[Any, Moved] = part()
+    trend: Annotated[Any, Trend] = part()
+    baseline_windows: Scalar = kept("1", "windows behind the baseline")
+    baseline_size: Scalar = kept("A", "usual size of a profile")
+    kept_means: Annotated[Any, KeptMeans] = part()
+    kept_values: Annotated[Any, KeptValues] = part()

@@ -24,10 +24,21 @@ class Signature(NamedTuple):
     spreads: tuple[float, ...]  # of each entry
 
 
-CAUSES = (
-    *("stuck_upper", "stuck_lower", "lower_stop", "upper_stop", "spring", "turns"),
-    *("contact", "open", "supply", "gain", "friction", "still"),
-)  # in the order of their numbers, from 1 on
+CAUSES_TOLD = {
+    "stuck_upper": "stuck at the upper stop",
+    "stuck_lower": "stuck at the lower stop",
+    "lower_stop": "lower stop higher",
+    "upper_stop": "upper stop lower",
+    "spring": "spring weaker or broken",
+    "turns": "turns shorted",
+    "contact": "resistance in the circuit higher at once, as of a contact",
+    "open": "circuit open",
+    "supply": "voltage lower than measured",
+    "gain": "current sensor reads too little",
+    "friction": "friction, damping or mass higher",
+    "still": "no voltage, or none that moves the device",
+}
+CAUSES = tuple(CAUSES_TOLD)  # in the order of their numbers, from 1 on
 MISSING = ("open", "still")  # known by what is not there: a current, a motion
 COLDER = (0.10, 0.43, 0.88)  # of a closing with a coil that has cooled, up to the rest
 SUDDEN = (

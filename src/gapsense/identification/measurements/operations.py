@@ -201,8 +201,8 @@ class Flux(NamedTuple):
 
 
 def trapezoid(current: Vector) -> Vector:
-    """Mean current over the interval before each sample [A]; the first has no interval."""
-    return np.concatenate((current[:1], 0.5 * (current[1:] + current[:-1])))
+    """Mean current over the interval before each sample (..., n) [A]; the first has no interval."""
+    return np.concatenate((current[..., :1], 0.5 * (current[..., 1:] + current[..., :-1])), axis=-1)
 
 
 def estimate(record: Record, found: list[Operation]) -> Flux:

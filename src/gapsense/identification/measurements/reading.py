@@ -17,14 +17,7 @@ from gapsense.cosim.result.result import Result, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.scenario.read import RECORD, other_kind
 from gapsense.fmi.tables import HEADER
-from gapsense.identification.measurements.checks import (
-    clipping,
-    even_out,
-    operation_problems,
-    rest_problems,
-    size_problems,
-    time_problems,
-)
+from gapsense.identification.measurements import checks
 from gapsense.identification.measurements.prepare import shorten, subtract_offsets, thin, turn_upright, unipolar
 from gapsense.identification.measurements.record import (
     NEEDED,
@@ -331,13 +324,13 @@ def read_record(
     problems += _sample_problems(columns, how)
     if problems:
         raise InputError(problems)
-    columns, said = even_out(columns)
+    columns, said = checks.even_out(columns)
     whole = turn_upright(to_record(columns, CONVENTIONS[0] if how.convention == AUTO else how.convention))
     record = subtract_offsets(whole)._replace(remarks=(*said, *whole.remarks, *unipolar(whole)))
     if needs != "samples":
-        problems += rest_problems(record, path.name)
+        problems += checks.rest_problems(record, path.name)
     if needs == "operations" and not problems:
-        problems += operation_problems(record, path.name, period)
+        problems += checks.operation_problems(record, path.name, period)
     if problems:
         raise InputError(problems)
     return record if needs == "samples" else shorten(thin(record), period)
@@ -347,9 +340,9 @@ def _sample_problems(columns: Columns, how: Reading) -> Iterator[str]:
     """What is wrong with columns by themselves."""
     sound = [name for name, values in columns.values.items() if np.isfinite(values).all()]
     if "time" in sound:
-        yield from time_problems(columns)
+        yield from checks.time_problems(columns)
     for name in ("voltage", "current"):
-        wrong = [*size_problems(columns, name)] if name in sound else []
+        wrong = [*checks.size_problems(columns, name)] if name in sound else []
         yield from wrong
         if name in sound and not wrong and not how.may_clip:
-            yield from clipping(columns, name)
+            yield from checks.clipping(columns, name)

@@ -227,18 +227,26 @@ def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
 def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experiment]) -> Matrix:
     """Weighted residuals, current and flux linkage of each experiment (points, residuals); their squares make J."""
     pars = [form.at(ratios) for ratios in points]
-    parts = [[weight(e, model) for model in simulate_batch(pars, e)] for e in experiments]
-    return finite(np.concatenate(parts, axis=1))
+    return finite(np.concatenate([weight(e, _stacked(simulate_batch(pars, e))) for e in experiments], axis=1))
 
 
-def weight(experiment: Experiment, model: Response | Trajectory) -> Vector:
-    """The residuals of an experiment, of current, flux linkage and, where it is fitted, position."""
+def _stacked(models: Sequence[Response]) -> Response:
+    """Models as one, whose signals have a row for each."""
+    positions = [model.position for model in models if model.position is not None]
+    return Response(np.stack([model.current for model in models]), np.stack(positions) if positions else None)
+
+
+def weight(experiment: Experiment, model: Response | Trajectory) -> Matrix:
+    """The residuals of an experiment (..., residuals), of current, flux linkage and, where it is fitted, position.
+
+    The signals of the model may have a row for each of several models (..., n).
+    """
     c_i, c_lam = experiment.weights()
     flux_linkage = integrate_flux(experiment, model.current)  # as the measured one, or the sampling would bias the fit
     parts = [c_i * (experiment.current - model.current), c_lam * (experiment.flux_linkage - flux_linkage)]
     if experiment.position is not None and model.position is not None:
         parts.append(c_i * experiment.amperes * (experiment.position - model.position))
-    return np.concatenate(parts)
+    return np.concatenate(parts, axis=-1)
 
 
 def balance(form: Form, ratios: Vector, experiment: Experiment, current: Vector | None = None) -> Experiment:
@@ -272,10 +280,10 @@ def with_resistance(experiment: Experiment, R: Vector) -> Experiment:
 
 
 def integrate_flux(experiment: Experiment, current: Vector) -> Vector:
-    """Flux linkage of a current by (21), from rest on [Wb]."""
+    """Flux linkage of a current, or of each row of currents, by (21), from rest on [Wb]."""
     rates = experiment.halves.mean(axis=1) - experiment.resistance * trapezoid(current)
-    rates[0] = 0.0
-    return np.asarray(experiment.dt * np.cumsum(rates))
+    rates[..., 0] = 0.0
+    return np.asarray(experiment.dt * np.cumsum(rates, axis=-1))
 
 
 def cost(residual: Vector) -> float:

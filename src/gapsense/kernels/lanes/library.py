@@ -31,7 +31,7 @@ from gapsense.kernels.emit.lanes import same_over_runs
 from gapsense.kernels.lanes.code import Code
 
 HERE = Path(__file__).resolve().parent
-FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", "-w")
+FLAGS = ("-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-flax-vector-conversions", "-w")
 FOR_THIS = (("-march=native",), ("-mcpu=native",), ())  # the first that a compiler knows
 SHARED = ("-shared",) if sys.platform == "win32" else ("-fPIC", "-shared")
 PREFIX = "lanes-"  # of all our files in the cache

@@ -29,24 +29,10 @@ POLICY = "default-src 'none'; img-src data: blob:; font-src data:; style-src 'un
 
 
 def write_report(results: Sequence[str | Path], to: str | Path) -> Path:
-    """Write one HTML file on saved results, complete or not at all.
+    """Write one HTML file on saved results, complete or not at all; its folder is made if there is none.
 
-    Parameters
-    ----------
-    results : sequence of str or Path
-        CSV files, as `Result.save` writes them, those of sweeps, and folders of campaigns.
-    to : str or Path
-        The file; its folder is made if there is none.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    InputError
-        With what is wrong with the results, of all at once, or if bokeh is missing.
+    The results are CSV files, as `Result.save` writes them, those of sweeps, and folders of campaigns. An InputError
+    has all that is wrong with them, or tells that bokeh is missing.
     """
     content, to = report(list(map(Path, results))), Path(to)
     to.parent.mkdir(parents=True, exist_ok=True)

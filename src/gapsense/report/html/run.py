@@ -300,14 +300,17 @@ def compares(metric: Metric, shown: Shown) -> bool:
 
 
 def by_name(result: Result) -> Iterator[Metric]:
-    """Outputs that are called like one of a component that drives theirs, and have its unit."""
+    """Outputs that are called like one of a component that drives theirs, and have its unit.
+
+    Numbers without one have equal names by chance.
+    """
     place = {name: k for k, name in enumerate(result.run.order)}
     outputs = [name for name, about in result.about.items() if about.causality == "output"]
     first: dict[Key, str] = {}
     for name in sorted(outputs, key=lambda name: place.get(name.partition(".")[0], 0)):
         key = own_key(result, name)
         truth = first.setdefault(key, name)
-        if truth != name and is_quantity(key[0]) and drives(result, truth, name):
+        if truth != name and key[0] not in ("", "1") and drives(result, truth, name):
             yield Metric(GUESSED, "rmse", name, truth)
 
 
@@ -324,8 +327,3 @@ def drives(result: Result, source: str, target: str) -> bool:
 def own_key(result: Result, name: str) -> Key:
     """Unit and variable of a signal."""
     return result.units.get(name, ""), name.partition(".")[2]
-
-
-def is_quantity(unit: str) -> bool:
-    """True for a unit that says what is measured: numbers without one have equal names by chance."""
-    return unit not in ("", "1")

@@ -120,12 +120,7 @@ def longest(texts: Sequence[str]) -> int:
 def arranged(heads: Mapping[str, tuple[str, ...]], wires: Sequence[Wire]) -> tuple[Boxes, list[tuple[Wire, list[str]]]]:
     """Boxes with their places, and for each wire those it passes, from first to last; empty for one that goes back.
 
-    Parameters
-    ----------
-    heads : mapping
-        Lines at the top of each component, in the order in which they step.
-    wires : sequence of Wire
-        Between these components.
+    The `heads` are the lines at the top of each component, in the order in which they step.
     """
     columns = columns_of(list(heads), wires)
     boxes = {name: Box(name, columns[name], lines) for name, lines in heads.items()}

@@ -13,12 +13,13 @@ from gapsense._os.native import structures
 from gapsense._os.processes import MARKS
 from gapsense.cosim.fmu.instance import FATAL, SLOPE, STEP, referring
 from gapsense.cosim.run import iterate
+from gapsense.cosim.run.control import controlled
 from gapsense.cosim.run.iterate import LOOP, PARALLEL, ROUNDING, Sweep
-from gapsense.cosim.run.loop.reference import in_python
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
-from gapsense.cosim.run.recording import STOP
-from gapsense.cosim.run.turns import Ramp, Solve, Turns
-from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Watch
+from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STOP
+from gapsense.cosim.run.recording import STEP as STEP_MARK
+from gapsense.cosim.run.turns import Ramp, Solve, Solver, Turns
+from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Watch, reporter
 
 __all__ = ["Advance", "Work", "advancer", "language"]
 
@@ -43,6 +44,50 @@ def needs_python(work: Work) -> bool:
     experiment = work.experiment
     has_control = experiment.method == ITERATIVE or experiment.step_control is not None
     return has_control or any(part.interpolates(experiment) for part in work.parts)
+
+
+# Base steps in Python: what loop.c does, with the same calls and bits, wherever that does not load.
+
+
+def in_python(work: Work, solver: Solver | None = None) -> Advance:
+    """Function that does base steps; the solver does what C can do of loops."""
+    if work.experiment.step_control is not None:
+        return controlled(work, recorder(work), solver)
+    play, turns, record = work.player.into(work.buffer), Turns(work, solver=solver), recorder(work)
+    exchange = turns.exchange if work.experiment.method == JACOBI else None
+    marks, done, has_news = work.marks, work.begin - 1, reporter(work.watches, work.buffer)
+
+    def advance(until: int) -> int:
+        nonlocal done
+        for k in range(done + 1, until + 1):
+            marks[STEP_MARK] = k
+            play(k)
+            turns.step(k)
+            if exchange:
+                exchange(k)
+            marks[COMPONENT] = MASTER
+            record(k)
+            done = k
+            work.recording.warnings[:] = [part.warnings for part in work.parts]
+            if marks[STOP] or has_news():
+                break
+        return done
+
+    return advance
+
+
+def recorder(work: Work) -> Callable[[int], None]:
+    """Function of the base step that adds a row to the record, at every so many of them."""
+    recording, columns, decimation, marks = work.recording, work.columns, work.decimation, work.marks
+    take, data = work.buffer.take, work.recording.data
+
+    def record(k: int) -> None:
+        if not k % decimation:
+            take(columns, out=data[recording.rows], mode="clip")
+            recording.rows += 1
+            marks[ROWS] = recording.rows
+
+    return record
 
 
 # Base steps in C, many per call: what loop.c works on, and what its answers mean.
@@ -110,7 +155,8 @@ class Guest:
         self.part, self.failed, self.marks = part, "", work.marks
         self.error: BaseException | None = None
         base, is_sequential = work.experiment.base_step, work.experiment.method != JACOBI
-        self.links = array_of(part)
+        # Connections into the part, and after them the stages of events, in order:
+        self.links = (Link * (len(part.wires) + len(part.stages)))(*part.wires)
         self.takes_first = is_sequential and part.follows
         if not part.is_direct:
             take = part.taker()
@@ -162,11 +208,6 @@ def structure(guest: Guest, i: int, work: Work) -> Any:
         link_count=len(guest.links),
         follows=guest.takes_first,
     )
-
-
-def array_of(part: Part) -> Any:
-    """Connections into a part, and after them the stages of events, in order."""
-    return (Link * (len(part.wires) + len(part.stages)))(*part.wires)
 
 
 def renew(guest: Guest) -> None:
