@@ -5,7 +5,7 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import bend, laws, run_to_run
-from gapsense.control.judging import FELT, judged_by_contact, judged_by_current
+from gapsense.control.judging import FELT, _slowest, judged_by_contact, judged_by_current
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import stops
 from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
@@ -152,6 +152,11 @@ def test_mover_that_floats_just_off_its_stop_is_told_unless_noise_may_be_that():
     judged = judged_by_current(near(0.1e-3), PAR)
     assert judged.noted.changed == 1.0 and judged.alarm == 2.0
     assert judged_by_current(near(0.1e-3, noise=20e-3), PAR).alarm == 0.0
+
+
+def test_slowest_approaches_are_as_fast_as_what_noise_adds():
+    quiet, noisy = (_slowest(near(0.0, noise), PAR) for noise in (10e-3, 20e-3))
+    assert quiet == PAR.approach_least and noisy == pytest.approx(1.5 * quiet, rel=0.05)
 
 
 @pytest.mark.parametrize(("way", "missed"), [(0.0, laws.UNJUDGED - FELT), (0.05e-3, laws.UNJUDGED)])

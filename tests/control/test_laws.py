@@ -13,6 +13,7 @@ from gapsense.kernels.layout import zeros
 
 PAR = parameters()
 FIRST = laws.first(PAR.closing_travel, PAR)
+LEAST = PAR.approach_least
 SPEEDS = st.floats(PAR.approach_least, PAR.approach_first)
 
 
@@ -41,27 +42,38 @@ def test_both_kinds_are_read_as_they_were_written(numbers):
 def test_landings_in_time_make_approaches_as_slow_as_allowed():
     law, speeds = FIRST, []
     for _ in range(8):
-        law = laws.judged(law, 1.0, False, PAR)
+        law = laws.judged(law, 1.0, False, LEAST, PAR)
         speeds.append(law.speed)
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[0] == laws.SHRINK * PAR.approach_first and speeds[-1] == PAR.approach_least
+
+
+@pytest.mark.parametrize(("least", "slowest"), [(2.0 * LEAST, 2.0 * LEAST), (9.0, laws.HIGHEST_FLOOR)])
+def test_approaches_stay_as_fast_as_noise_makes_landings(least, slowest):
+    law = FIRST
+    for _ in range(8):
+        law = laws.judged(law, 1.0, False, least, PAR)
+    assert law.speed == law.floor == slowest
+    for _ in range(300):  # and the noise goes
+        law = laws.judged(law, 1.0, False, LEAST, PAR)
+    assert law.speed == pytest.approx(LEAST, abs=1e-3)
 
 
 @pytest.mark.parametrize("has_landed", [0.0, 1.0])
 @given(speed=SPEEDS, floor=SPEEDS)
 def test_late_landing_makes_the_next_approach_faster_and_leaves_a_floor(has_landed, speed, floor):
     law = FIRST._replace(speed=speed, floor=floor)
-    late = laws.judged(law, has_landed, True, PAR)
+    late = laws.judged(law, has_landed, True, LEAST, PAR)
     assert late.speed == pytest.approx(min(speed / laws.SHRINK, PAR.approach_first))
     assert late.floor == pytest.approx(min(max(floor, laws.RAISE * speed), laws.HIGHEST_FLOOR))
-    again = laws.judged(late, 1.0, False, PAR)
+    again = laws.judged(late, 1.0, False, LEAST, PAR)
     assert PAR.approach_least <= again.floor <= late.floor and again.speed >= again.floor
 
 
 def test_floor_fades():
     law = FIRST._replace(floor=laws.HIGHEST_FLOOR, speed=0.1)
     for _ in range(300):
-        law = laws.judged(law, 1.0, False, PAR)
+        law = laws.judged(law, 1.0, False, LEAST, PAR)
     assert law.floor == pytest.approx(PAR.approach_least, abs=1e-3)
 
 
@@ -70,7 +82,7 @@ def test_misses_are_counted_in_a_row():
     counts, law = [], FIRST
     for has_landed in (0.0, 0.0, 1.0, 0.0):
         law = law._replace(missed=law.missed + laws.UNJUDGED)
-        law = laws.judged(law, has_landed, has_landed < 1.0, PAR)
+        law = laws.judged(law, has_landed, has_landed < 1.0, LEAST, PAR)
         counts.append(law.missed)
     assert counts == pytest.approx([1.0, 2.0, 0.0, 1.0])
 

@@ -28,7 +28,8 @@ LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [
 LARGE = 0.5  # of the flux linkage that balances the spring at first: with less the bend is that of the voltage
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
-APART = 0.12  # of the reluctance of a seated mover: beyond this, and noise, it has not arrived in time
+# of the reluctance of a seated mover: beyond this, and so many standard deviations of noise, it has not arrived in time
+APART, DOUBTFUL = 0.12, 6.0
 BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
@@ -156,7 +157,7 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     error = wandering(state.coil, par) / _large(
         load(state.fluxes, running.command * LONGEST + where(is_told, running.due, 0.0))
     )
-    apart = APART + VAGUE * where(error < FAR, error, FAR)
+    apart = APART + DOUBTFUL * where(error < FAR, error, FAR)
     is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, found < (1.0 - apart) * seated)
     is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
     last = load(state.fluxes, running.command * LONGEST + where(running.age < LONGEST, running.age, LONGEST) - 1.0)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.bend import arrived, is_of_core, landed
-from gapsense.control.coil import left_open, raised
+from gapsense.control.coil import left_open, raised, wandering
+from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import is_after, planned
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import total
-from gapsense.kernels.trace import cond, not_, where
+from gapsense.kernels.trace import cond, not_, sqrt, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
@@ -23,6 +24,8 @@ TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed th
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 FELT = 0.25  # of a closing that only the current tells: with the second one in a row an ordinary cycle is due
 FORGIVEN = 0.5  # hard impacts, by a soft one
+NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
+ADDED = 8.0  # speed of a landing by what noise makes wrong beyond that, as a share [m/s]
 YOUNG = 8.0  # cycles in which approaches are still fast
 
 
@@ -198,6 +201,13 @@ def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, pa
     )
 
 
+def _slowest(state: State, par: Parameters) -> Scalar:
+    """Speed of the slowest approaches: not below what noise adds to that of a landing [m/s]."""
+    m = make_mover(par)
+    added = ADDED * (wandering(state.coil, par) / sqrt(balance(m.gap.smallest, m)) - NOISY)
+    return where(added > par.approach_least, added, par.approach_least)
+
+
 def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par: Parameters) -> State:
     """What follows from a landing so long after the command, or from none: the next approach, a stronger hold."""
     law = laws.read(state.laws, half)
@@ -208,7 +218,7 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     is_weak = (has_landed < 1.0) & (state.by_model < 1.0)
     kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
-    law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, par))
+    law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, _slowest(state, par), par))
     return state._replace(
         laws=laws.write(state.laws, half, law),
         fell=where(is_late, 1.0, 0.0),

@@ -66,12 +66,13 @@ def is_late(has_landed: Scalar, after: Scalar, travel: Scalar) -> Scalar:
     return (has_landed < 1.0) | (after > LATE * travel)
 
 
-def judged(law: Law, has_landed: Scalar, fell_short: Scalar, par: Parameters) -> Law:
-    """After a soft operation."""
+def judged(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters) -> Law:
+    """After a soft operation; `least` is the speed of the slowest approaches."""
     raised, faster, slower = RAISE * law.speed, law.speed / SHRINK, SHRINK * law.speed
     higher = where(law.floor > raised, law.floor, raised)
     higher = where(higher < HIGHEST_FLOOR, higher, HIGHEST_FLOOR)
-    floor = where(fell_short, higher, par.approach_least + KEEP * (law.floor - par.approach_least))
+    least = where(least < HIGHEST_FLOOR, least, HIGHEST_FLOOR)
+    floor = where(fell_short, higher, least + KEEP * where(law.floor > least, law.floor - least, 0.0))
     faster = where(faster < par.approach_first, faster, par.approach_first)
     speed = where(fell_short, faster, where(slower > floor, slower, floor))
     is_told = law.was_followed > 0.0  # else it was the voltage that fell short, not the approach

@@ -33,6 +33,7 @@ from gapsense.control.coil import (
 from gapsense.control.judging import (
     GOOD,
     LOWER,
+    NOISY,
     UPPER,
     YOUNG,
     judged_by_contact,
@@ -74,7 +75,6 @@ EXPLAINED = 2.0  # operations in a row that an estimator has to explain well bef
 FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
-NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
 PATIENT = 8.0  # cycles after which an estimator is to be followed
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
