@@ -18,7 +18,7 @@ HERE = Path(__file__).resolve().parent
 SMALL = {  # options of each that make it small
     "runner.py": ("--repeats", "1"),
     "filters.py": (),
-    "identify.py": ("--records", "1"),
+    "identify.py": ("--records", "1", "--periods", "3.8"),
     "campaign.py": ("--only-rows", "--rows", "3000"),
     "native.py": ("Semera",),
     "coupling.py": ("--small",),

@@ -1,6 +1,6 @@
 """What `gapsense identify` takes for six records of 8300 samples of the valve, with a compiler: CPU and wall time.
 
-python benchmarks/identify.py [--records 6]
+python benchmarks/identify.py [--records 6] [--periods 25.8]
 
 The records have 1 mA of noise and 24 to 29 V; 26 operations each. The aim is below 60 s on two cores.
 """
@@ -28,16 +28,17 @@ def main() -> None:
     """Make the records, run the command, print the times."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--records", type=int, default=RECORDS)
-    records = parser.parse_args().records
+    parser.add_argument("--periods", type=float, default=PERIODS, help="of each record")
+    given = parser.parse_args()
     sys.path.append(str(ROOT / "tests" / "identification"))
     from valve_records import write
 
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for k in range(records):
-            write(folder / f"{k}.csv", periods=PERIODS, volts=24.0 + k, seed=k + 1)
+        for k in range(given.records):
+            write(folder / f"{k}.csv", periods=given.periods, volts=24.0 + k, seed=k + 1)
         (folder / "known.toml").write_text(KNOWN, encoding="utf-8")
-        command = [sys.executable, "-m", "gapsense.cli", "identify", *(f"{k}.csv" for k in range(records))]
+        command = [sys.executable, "-m", "gapsense.cli", "identify", *(f"{k}.csv" for k in range(given.records))]
         start = perf_counter()
         subprocess.run([*command, "--parameters", "known.toml"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
         wall, used = perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
