@@ -78,11 +78,11 @@ def says(found: dict[str, np.ndarray], cause: float) -> np.ndarray:
 
 
 def learnt(found: dict[str, np.ndarray], first: int = START) -> int:
-    """The sample from which two motions are explained; from the first voltage until then `health` is 0 for that."""
+    """The sample at which an operation begins after four, or six, that are explained; `health` is 0 until then."""
     told = np.flatnonzero(says(found, readings.UNLEARNT))
     last = first + told.size
     np.testing.assert_array_equal(told, np.arange(first, last))
-    assert HALF < told.size < 2 * CYCLE
+    assert 3 * HALF < told.size <= 3 * CYCLE
     np.testing.assert_array_equal(found["health"][:last], np.arange(last) < first)
     return last
 

@@ -15,7 +15,7 @@ from mhe_signals import KERNEL, blind, rows, run
 from gapsense.estimators import readings
 from gapsense.estimators.mhe.mhe import Held, _hold
 
-SECOND = START + CYCLE  # its motions are in samples 33 to 132 and 563 to 700 of a cycle
+THIRD = START + 2 * CYCLE  # its motions are in samples 33 to 132 and 563 to 700 of a cycle
 PLACES = [60, 110, 200, 650, 900]
 
 
@@ -35,7 +35,7 @@ def undisturbed() -> Errors:
 @pytest.mark.parametrize("value", [np.nan, np.inf, -10.0, 3.0, 1.0])
 def test_one_lost_or_wild_current_is_skipped(place: int, value: float) -> None:
     """One that stays in range is told by its neighbours, and they by it."""
-    s, at = plant(), SECOND + place
+    s, at = plant(), THIRD + place
     found = run(blind(), rows(s.voltage, changed(noisy(s), slice(at, at + 1), value)))
     np.testing.assert_array_less(errors(found, s), undisturbed().causal + 0.5)
     lost = np.flatnonzero(says(found, readings.LOST))
@@ -46,7 +46,7 @@ def test_one_lost_or_wild_current_is_skipped(place: int, value: float) -> None:
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("value", [np.nan, -np.inf, 1e3])
 def test_lost_voltages_are_held(place: int, value: float) -> None:
-    s, at = plant(), SECOND + place
+    s, at = plant(), THIRD + place
     found = run(blind(), rows(changed(s.voltage, slice(at, at + 3), value), noisy(s)))
     assert errors(found, s).causal < 8.5
     np.testing.assert_array_equal(np.flatnonzero(says(found, readings.LOST)), [at, at + 1, at + 2])
@@ -55,7 +55,7 @@ def test_lost_voltages_are_held(place: int, value: float) -> None:
 @pytest.mark.parametrize("length", [300, CYCLE])
 def test_without_currents_it_follows_the_voltage(length: int) -> None:
     """A motion, or a whole cycle."""
-    s, lost = plant(), slice(SECOND, SECOND + length)
+    s, lost = plant(), slice(THIRD, THIRD + length)
     found = run(blind(), rows(s.voltage, changed(noisy(s), lost, np.nan)))
     assert np.all(says(found, readings.LOST)[lost]) and found["health"][-1] == 1.0
     assert errors(found, s).causal < 8.5 and np.all(np.isfinite(found["smoothed_position"]))
@@ -65,14 +65,14 @@ def test_without_currents_it_follows_the_voltage(length: int) -> None:
 def test_a_lost_edge_costs_its_operation(lost: slice) -> None:
     """The voltage is held at 0 V while the valve opens; the next cycle is as good as before."""
     s = plant()
-    at = slice(SECOND + lost.start, SECOND + lost.stop)
+    at = slice(THIRD + lost.start, THIRD + lost.stop)
     found = run(blind(), rows(changed(s.voltage, at, np.nan), noisy(s)))
     assert errors(found, s).causal > 20.0
     rms = [
         np.sqrt(np.mean((found["position"] - s.position)[k : k + CYCLE][s.mode[k : k + CYCLE] == 2.0] ** 2))
-        for k in range(SECOND + CYCLE, s.mode.size, CYCLE)
+        for k in range(THIRD + CYCLE, s.mode.size, CYCLE)
     ]
-    assert max(rms) < 14e-6 and np.any(found["health"][SECOND + 100 :] == 0.0) and found["health"][-1] == 1.0
+    assert max(rms) < 14e-6 and np.any(found["health"][THIRD + 100 :] == 0.0) and found["health"][-1] == 1.0
 
 
 # any input

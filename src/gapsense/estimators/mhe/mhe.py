@@ -44,6 +44,7 @@ from gapsense.estimators.mhe.watch import (
     is_untold,
     is_wild,
     listen,
+    relevance,
     watch_operation,
     weight,
 )
@@ -240,7 +241,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         smoothed=Smoothed(fluxes=zeros(RING), positions=zeros(RING)),
     )
     has_readings = has_voltage & _has_current(inputs, par)
-    fine = health({LOST: not_(has_readings), UNLEARNT: is_unlearnt(state.watch, state.work.learnt, par)})
+    fine = health({LOST: not_(has_readings), UNLEARNT: is_unlearnt(state.watch, par)})
     return state, _outputs(
         at, d, 0.0, _shown(at, inputs.time), state.work.learnt, published(priors(par), par), fine, par
     )
@@ -252,7 +253,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     watch = listen(state.watch, state.samples, now.voltage, now.current, told)
     par = as_seen(watch, told)
     first = model(par, device(par))
-    now = now._replace(has_current=now.has_current & not_(is_wild(state.samples, now.voltage, now.current, par)))
+    now = now._replace(
+        has_current=now.has_current & not_(is_wild(state.samples, now.voltage, now.current, par)),
+        relevance=relevance(now.voltage, now.current, load(state.believed, 0), state.work.learnt.doubt, par),
+    )
     samples = _add_sample(state.samples, now, par)
     held = _hold(_forget_held(state.held, now.is_same_command, par), now.voltage, now.current + now.zero, par)
     # the window, (4) to (9)
@@ -304,6 +308,7 @@ class Sample(NamedTuple):
     has_current: Scalar  # neither lost nor wild
     is_edge: Scalar
     is_same_command: Scalar
+    relevance: Scalar = 1.0  # of the current
 
 
 def _read(state: State, inputs: Inputs, par: Parameters) -> Sample:
@@ -380,6 +385,7 @@ def _see(state: State, inputs: Inputs, now: Sample, before: Point, innovation: S
     return Seen(
         innovation=innovation,
         has_current=now.has_current,
+        relevance=now.relevance,
         jump=now.jump,
         is_edge=now.is_edge,
         change=inputs.command - state.last_command,
@@ -411,7 +417,7 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
             STILL: is_set(watch.is_still),
             OTHER: is_untypical(work.fit.q_prior, par),
             UNTOLD: is_untold(watch, told),
-            UNLEARNT: is_unlearnt(watch, work.learnt, par),
+            UNLEARNT: is_unlearnt(watch, par),
         }
     )
 
@@ -435,7 +441,7 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
 
 def _add_sample(before: Samples, now: Sample, par: Parameters) -> Samples:
     """The sample is kept; a current that was lost, or is at an edge, has no weight in (4)."""
-    w = where(now.has_current & not_(now.is_edge), weight(par), 0.0)
+    w = where(now.has_current & not_(now.is_edge), now.relevance * weight(par), 0.0)
     newest = where(before.newest < kept(par) - 1.0, before.newest + 1.0, 0.0)
     return Samples(
         newest=newest,

@@ -35,6 +35,8 @@ from gapsense.estimators.mhe.window import (
     LOOK,
     PACE,
     PAIRS,
+    PRACTISED,
+    PROVEN,
     START,
     Learnt,
     N,
@@ -86,6 +88,9 @@ REJECT_MISFIT = 6.0  # from here on nothing is learnt from a window
 REJECT_UNTAUGHT = 30.0  # the same of the first one with a landing: what it teaches is as uncertain
 LOST_MISFIT = 2.0  # of a window that goes before one that nothing explains: what was learnt is wrong
 GOOD_MISFIT = 1.5  # below it others may go back to what the window has taught
+USUAL_MISFIT, WRONG_MISFIT = 0.7, 0.8  # largest one of a right model; the one from which its eddy currents are wrong
+FADING = 0.9  # share of the doubt of them that a window leaves
+WIDER = 6.0  # what comes to the factor of an early posterior for each misfit beyond the largest of a right model
 FAR = 5.5  # deviations from what was told that a device of the type does not have
 PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 PROOF = 2.0  # windows, a closing and an opening, that must be explained after a new beginning: the first may be a fault
@@ -631,7 +636,7 @@ def _tell(work: Work, misfit: Scalar, time: Scalar, par: Parameters) -> Learnt:
 def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     """The posterior, wider by misfit and drift (8), is to become the next prior."""
     fit, old = work.fit, work.learnt
-    P = where(misfit > 1.0, misfit, 1.0) * (1.0 + damping(work, fit.shortenings, par)) * -get_matrix(fit.normal)
+    P = _widening(misfit, old, par) * (1.0 + damping(work, fit.shortenings, par)) * -get_matrix(fit.normal)
     deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
     d = get(fit.q, N) - get(fit.q_prior, N)
     change = (d @ (get_matrix(fit.prior) @ d) - EXPECTED) / SURPRISING
@@ -648,9 +653,23 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
         learnt=old._replace(
             rejected=where(old.rejected < 0.0, old.rejected + moved, 0.0),
             explained=old.explained + moved,
+            doubt=where(moved > 0.0, _doubt(misfit, old), old.doubt),
             deviations=deviations,
         ),
     )
+
+
+def _widening(misfit: Scalar, before: Learnt, par: Parameters) -> Scalar:
+    """Factor of the posterior: errors of the model are the same for long, and the first windows have large ones."""
+    is_early = (before.explained < PROVEN) & not_(is_set(par.option_further))
+    off = where(misfit > USUAL_MISFIT, misfit - USUAL_MISFIT, 0.0)
+    return where(is_early, 1.0 + WIDER * off, where(misfit > 1.0, misfit, 1.0))
+
+
+def _doubt(misfit: Scalar, before: Learnt) -> Scalar:
+    """Of the eddy currents after a window: the largest of late, fading; a later misfit is that of a fault."""
+    new, old = clip((misfit - USUAL_MISFIT) / (WRONG_MISFIT - USUAL_MISFIT), 0.0, 1.0), FADING * before.doubt
+    return where((before.explained < PRACTISED) & (new > old), new, old)
 
 
 def _drifts(work: Work, par: Parameters) -> list[Scalar]:

@@ -5,18 +5,22 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.mhe.model import Model, Parameters, Point, is_between
-from gapsense.estimators.mhe.window import Learnt, Samples, bounces_on, drives, place
+from gapsense.estimators.mhe.window import DOUBTFUL, PRACTISED, PROVEN, Learnt, Samples, bounces_on, drives, place
 from gapsense.estimators.readings import JUMP
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import clip, fabs, flag, is_set, load, not_, sqrt, square, when, where
 
 SAME = 30.0  # samples over which the model's error of the current is the same
+# error of eddy currents in doubt, over their deviation before the first window, while the flux linkage rises or falls
+RISING, FALLING = 1.6, 0.64
 RECENT = 1.0 / 16.0  # weight of a sample in the mean of the innovations, and in those of a held voltage and its current
 WILD = 15.0  # deviations of a current's bend between equal voltages: a spike
 MEDIAN = 0.6745 * 20.0**0.5  # of the sizes of third differences, over the deviation of white noise
 LEVELLING = 1.0 / 500.0  # share by which a sample moves the deviation of the noise that is seen
 TOLD_TOO_LOW, TOO_NOISY = 1.3, 12.0  # times the noise that was told: what is seen counts; and is told
 OFTEN, PULSED = 1.0 / 512.0, 0.02  # weight of a sample in the share of edges, and the share from which it is PWM
+UNKNOWN = 0.5  # largest deviation of the eddy currents that counts
+DOUBTED = 0.5  # doubt of the eddy currents from which a device needs longer until it is proven
 MINOR = 0.8  # error of the current under PWM, whose minor loops the hysteresis of the model does not have, over I_h
 ANYWHERE = 1.0 / 12.0  # variance of the place of an edge that may be anywhere in a sampling period [1]
 PLACED = 1.0 / 8.0  # weight of an edge in that of the last ones
@@ -25,7 +29,6 @@ YOUNG = 6.0  # how much patience there is at first
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
-PRACTISED = 10.0  # operations that were explained, after which less is strange where there is little flux
 LITTLE, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
 FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
 
@@ -51,6 +54,7 @@ class Watch(NamedTuple):
     is_strange: Scalar = 0.0  # flag: it was too large in this operation, which begins with an edge of the voltage
     is_odd: Scalar = 0.0  # flag: it was too large in this operation to be fine
     is_moving: Scalar = 0.0  # flag: there was a motion in this operation
+    is_proven: Scalar = 0.0  # flag: enough were explained when this operation began for it to be right without a sign
     suspicion: Scalar = 0.0  # operations that must be fine until one that was strange is forgotten
     was_commanded: Scalar = 0.0  # flag: the command has changed
     has_moved: Scalar = 0.0  # flag: there was a motion since then
@@ -63,6 +67,7 @@ class Seen(NamedTuple):
 
     innovation: Scalar
     has_current: Scalar
+    relevance: Scalar  # of the current
     jump: Scalar  # of the voltage
     is_edge: Scalar  # whether that is an edge
     change: Scalar  # of the command
@@ -73,6 +78,17 @@ class Seen(NamedTuple):
 def weight(par: Parameters) -> Scalar:
     """w^2 of a current: noise, and an error of the model that is the same over some samples."""
     return 1.0 / (square(par.noise_current) + SAME * square(par.model_error))
+
+
+def relevance(u: Scalar, i: Scalar, R: Scalar, doubt: Scalar, par: Parameters) -> Scalar:
+    """w^2 of a current over `weight`: less while the flux linkage changes, as far as eddy currents are in doubt.
+
+    With `option.further` all count alike.
+    """
+    rate, rises = u - R * i, fabs(u) > fabs(R * i)
+    error = doubt * where(rises, RISING, FALLING) * clip(par.prior_eddy, 0.0, UNKNOWN) * par.core_eddy * rate
+    more = where(is_set(par.option_further), 0.0, SAME * weight(par) * square(error))
+    return 1.0 / (1.0 + more)
 
 
 # readings
@@ -150,7 +166,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     counts = seen.has_current & not_(seen.is_edge | is_bouncing)
     new = when(seen.is_edge, lambda watch: _begin(watch, is_known, learnt), before)
     edge = _place_edge(before.edge, new.spread, seen, counts & not_(between), now, m, par)
-    unexpected = seen.innovation - by_place * edge.faded * edge.place
+    unexpected = sqrt(seen.relevance) * (seen.innovation - by_place * edge.faded * edge.place)
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
     is_easy = (learnt.explained >= PRACTISED) & (fabs(now.flux_linkage) < LITTLE * m.d.saturation)
     is_large = is_known & is_too_large(surprise, learnt, par, is_easy)
@@ -192,6 +208,7 @@ def _begin(before: Watch, is_known: Scalar, learnt: Learnt) -> Watch:
     less = before.suspicion - flag(is_less)
     return before._replace(
         spread=before.spread + where(is_known & not_(was_strange), placed, 0.0),
+        is_proven=flag(learnt.explained >= where(learnt.doubt > DOUBTED, DOUBTFUL, PROVEN)),
         is_strange=where(is_over, 0.0, before.is_strange),
         is_odd=where(is_over, 0.0, before.is_odd),
         is_moving=where(is_over, 0.0, before.is_moving),
@@ -216,9 +233,9 @@ def is_strange(watch: Watch) -> Scalar:
     return is_set(watch.is_strange) | (watch.suspicion > 0.0)
 
 
-def is_unlearnt(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
-    """A voltage has come, and too few motions were explained since for innovations to tell a wrong position.
+def is_unlearnt(watch: Watch, par: Parameters) -> Scalar:
+    """A voltage has come, and too few motions were explained before this operation.
 
     With `option.further` windows are searched thoroughly from the first one on.
     """
-    return is_set(watch.is_driven) & (learnt.explained < KNOWN) & not_(is_set(par.option_further))
+    return is_set(watch.is_driven) & not_(is_set(watch.is_proven) | is_set(par.option_further))

@@ -48,6 +48,10 @@ AT_ONCE, SPAN = 4, 80e-6  # samples that derivatives and sums take at once, at m
 USUAL_TIME = 20e-6  # sample time at which one piece in a step suffices [s]
 GUESS = 1.0  # deviation before the first window from which eddy currents are but a guess
 LARGE = 20.0  # noises that a current must have to say anything of the coil
+UNSEEN = 0.15  # doubt of the eddy currents before the first window
+PROVEN, DOUBTFUL = 4.0, 6.0  # motions that are explained before one without a sign is right; with other eddy currents
+# motions that are explained, after which less is strange where there is little flux, and a misfit is that of a fault
+PRACTISED = 10.0
 LOOK, LATER = 20.0, 4.0  # samples with a voltage until the first look at an operation; times as many until the next
 
 
@@ -157,6 +161,7 @@ class Learnt(NamedTuple):
     given_up: Scalar = 0.0  # windows since then that were not solved before the memory was full
     rejected: Scalar = 0.0  # windows in a row that nothing explained; below 0: so many must be after a new beginning
     explained: Scalar = 0.0  # windows with a motion that were
+    doubt: Scalar = UNSEEN  # whether the eddy currents of (1) are other ones, from 0 to 1
 
 
 class Work(NamedTuple):
