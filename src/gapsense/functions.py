@@ -48,7 +48,7 @@ class Found:
     """What a function found: `print(found)` shows what the command of the same name prints.
 
     What was fitted has a standard error, `found.standard_errors["coil.resistance"]` in Ohm: infinite, if the records do
-    not tell the value at all.
+    not tell the value at all, or if it ends at a limit of the search.
     """
 
     shown: Sequence[Table | str]  # tables and sentences

@@ -23,6 +23,7 @@ from gapsense.identification.actuator.show import doubts, missing
 from gapsense.identification.least_squares import Minimum
 from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.parameter_set import parameters_of, read_sets, read_values, take_values
+from gapsense.report.table import text
 from gapsense.scenarios.estimators import commissioned
 from gapsense.scenarios.estimators.parameters import CORE, blind, wrong
 from gapsense.studies.devices import RTS_VALVE
@@ -80,6 +81,8 @@ def test_a_value_that_ends_at_a_limit_is_told_and_no_position_is_called_certain(
     result = fit.commission([record(par=lossy, samples=1100)], BELIEVED._replace(core_eddy=1e-6))
     said = " ".join(file.remarks(result, fit.with_bend(BELIEVED)))
     assert "core_eddy" in result.at_limit and "`core.eddy` ends at a limit of the search: 1 mS" in said
+    table = text(*file.actuator_tables(result, BELIEVED))
+    assert file.standard_errors(result)["core.eddy"] == np.inf and "unknown" in table and "inf" not in table
     assert not result.is_explained and "the model is another one" in said and "certain to" not in said
     alike = result._replace(residuals=found.residuals, misfit=0.5)  # at a limit, though nothing is left
     assert "certain to" not in " ".join(file.remarks(alike, fit.with_bend(BELIEVED)))

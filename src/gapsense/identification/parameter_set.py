@@ -85,7 +85,12 @@ def rounded(value: Value) -> Value:
 
 def error_note(error: float | None, is_poor: bool = False) -> str:
     """What is said of a value with a standard error."""
-    return "" if error is None else f"+- {100.0 * error:.2g} %" + ", not identified" * is_poor
+    return "" if error is None else f"+- {percent(error)}" + ", not identified" * is_poor
+
+
+def percent(error: float) -> str:
+    """A relative standard error, if there is one: at a limit of a search, and without any effect, there is none."""
+    return f"{100.0 * error:.2g} %" if math.isfinite(error) else "unknown"
 
 
 def write_table(file: Path, columns: Mapping[str, NDArray[np.float64]]) -> Path:

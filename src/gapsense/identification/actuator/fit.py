@@ -257,8 +257,9 @@ class Commissioned(NamedTuple):
 
     @property
     def errors(self) -> dict[str, float]:
-        """Relative standard errors by field."""
-        return dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist()))
+        """Relative standard errors by field; none, infinity, at a limit of the search."""
+        found = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist()))
+        return found | dict.fromkeys(self.at_limit, math.inf)
 
     @property
     def is_explained(self) -> bool:

@@ -30,7 +30,7 @@ from gapsense.identification.actuator.fit import (
 from gapsense.identification.actuator.kernel import Beyond
 from gapsense.identification.assumptions import list_values, meanings, scale
 from gapsense.identification.least_squares import Matrix
-from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
+from gapsense.identification.parameter_set import Entry, error_note, percent, rounded, write_set
 from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
 from gapsense.identification.scale import scaled
@@ -191,7 +191,8 @@ def actuator_tables(
     """Values and standard errors, then what the residuals and the misfit say."""
     before, rows = with_bend(known), []
     for field, error in result.errors.items():
-        note = "as it was believed" if error >= BELIEVED * result.believed[field] else ""
+        is_believed = math.inf > error >= BELIEVED * result.believed[field]
+        note = "as it was believed" if is_believed else "at a limit" * (field in result.at_limit)
         if field in Beyond._fields:
             port = STOPPED.get(field)
             name, unit = (port.name, port.unit) if port else ("exponent of the knee", "")
@@ -199,7 +200,7 @@ def actuator_tables(
         else:
             name, unit = PORTS[field].name, PORTS[field].unit
             values = [quantity(float(getattr(par, field)), unit) for par in (before, result.parameters)]
-        rows.append((name, *values, f"{100.0 * error:.2g} %", "assumed" if name in assumed else note))
+        rows.append((name, *values, percent(error), "assumed" if name in assumed else note))
     records = [*(drive.record for drive in result.drives), *(check.record for check in checks)]
     return [
         table("Parameters", HEADS, rows),
@@ -249,8 +250,8 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         port, values = PORTS[name], [float(getattr(par, name)) for par in (result.parameters, before)]
         at, believed = (quantity(value, port.unit) for value in values)
         said.append(
-            f"`{port.name}` ends at a limit of the search: {at}, where {believed} was believed. Begin with a value near"
-            " it."
+            f"`{port.name}` ends at a limit of the search: {at}, where {believed} was believed. So it has no standard"
+            " error, and those of the others are too small. Begin with a value near it."
         )
     stroke = before.stop_upper - before.stop_lower
     if all(np.ptp(model.position) < MOVES * stroke for model in result.models):

@@ -153,6 +153,7 @@ def average_blocks(record: Record, size: int) -> Record:
         mode=None if record.mode is None else record.mode[middles],
         rows=record.rows[middles],
         is_mean=True,
+        are_edges_seen=False,
         slow=None,
         is_filtered=False,
     )

@@ -133,7 +133,8 @@ class Record(NamedTuple):
     position_noise: float | None = None  # [m], where the position is to be fitted
     temperature: float | None = None  # mean [degC], where it was recorded
     drive: Mapping[str, float] = {}  # what else than the samples tell is to be taken out of them, see `causes`
-    slow: Filtered | None = None  # what edges of the voltage that take their time tell, once they were looked at
+    are_edges_seen: bool = False  # whether the edges of the voltage were looked at
+    slow: Filtered | None = None  # what they tell, if they take their time; None: they are sharp, or were not looked at
     is_filtered: bool = False  # whether it is a low-pass of both channels, by which the voltage is read
     remarks: tuple[str, ...] = ()  # sentences on what was done to the record, and on what is odd about it
 
@@ -193,7 +194,7 @@ def between(record: Record, convention: str) -> Record:
 
 def look_at_edges(record: Record) -> Record:
     """The record with what slow edges of its voltage tell."""
-    return record if record.slow else record._replace(slow=find_low_pass(record.voltage))
+    return record if record.are_edges_seen else record._replace(are_edges_seen=True, slow=find_low_pass(record.voltage))
 
 
 def read_each(records: Sequence[Record], conventions: Sequence[str]) -> dict[str, list[Record]]:

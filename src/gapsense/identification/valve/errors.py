@@ -303,6 +303,7 @@ def _correlate(W: Matrix, length: float) -> Matrix:
 
 WITHIN = 0.5  # of the growth of the resistance from operation to operation: how well that within one is known
 STEPPED = 0.015  # delay that the steps of the model make, of a sample
+CHANCE = 1.7  # over the root of the samples: residuals over their noise, beyond 1, by chance (two standard deviations)
 
 
 class Uncertainty(NamedTuple):
@@ -401,11 +402,12 @@ def parameters_of(form: Form) -> list[int]:
 
 
 def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[str, float]) -> Doubts:
-    """What the residuals of records have beyond noise, if the model does not explain them, and what stays hidden.
+    """What the residuals of records have beyond noise and chance, and what stays hidden.
 
     `accuracy` has relative standard errors of the scales of voltage and current.
     """
-    misfits = [0.0 if r.is_explained else np.sqrt(max(r.rms**2 - r.noise**2, 0.0)) for r in residuals]
+    chances = [1.0 + CHANCE / e.current.size**0.5 for e in prepared.experiments]
+    misfits = [np.sqrt(max(r.rms**2 - (by * r.noise) ** 2, 0.0)) for r, by in zip(residuals, chances)]
     signals = {"offset": "current", "shift": "voltage"}
     rest = [remaining(record) for record in prepared.records]
     errors = {cause: rms(np.array([found.get(name, 0.0) for found in rest])) for cause, name in signals.items()}

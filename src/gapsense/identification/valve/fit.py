@@ -7,6 +7,7 @@ several times, on the first operation of each record; the best start goes on wit
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
@@ -167,10 +168,15 @@ class Identified(NamedTuple):
         return [name for name, there in zip(self.form.fitted, is_there) if there and name in self.names]
 
     @property
+    def errors(self) -> dict[str, float]:
+        """Relative standard errors of the fitted parameters and the resistance; none, infinity, at a limit."""
+        found = dict(zip(self.names, self.uncertainty.relative.tolist()))
+        return found | dict.fromkeys(self.at_bounds, math.inf)
+
+    @property
     def poor(self) -> list[str]:
         """Parameters that the records do not identify."""
-        errors = zip(self.names, self.uncertainty.relative)
-        return [name for name, error in errors if not error < (ROUGH if name in GUESSED else POOR)]
+        return [name for name, e in self.errors.items() if not e < (ROUGH if name in GUESSED else POOR)]
 
     def with_held(self, held: Sequence[str], before: Identified) -> Identified:
         """What was held is no more certain for it: errors are no smaller than those of the fit `before`."""

@@ -448,7 +448,7 @@ def prepare_all(records: Sequence[Record], period: float | None, convention: str
     """Records with the voltage between samples that is named, or else as they have it."""
     read = [take_out_causes(record, convention, is_sharp=True) for record in records]
     experiments, fluxes = zip(*(prepare(record, period) for record in read))
-    raw = [record._replace(slow=one.slow) for record, one in zip(records, read)]
+    raw = [r._replace(are_edges_seen=one.are_edges_seen, slow=one.slow) for r, one in zip(records, read)]
     return Prepared(
         records=read, experiments=[*experiments], fluxes=[*fluxes], raw=raw, period=period, convention=convention
     )

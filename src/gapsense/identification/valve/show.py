@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,7 @@ from gapsense.identification.parameter_set import (
     Entry,
     error_note,
     parameters_of,
+    percent,
     read_sets,
     write_set,
     write_table,
@@ -146,14 +148,13 @@ def found(result: Identified, name: str) -> float:
 
 def valve_errors(result: Identified) -> dict[str, float]:
     """Standard errors by parameter, in its unit."""
-    errors = zip(result.names, result.uncertainty.relative.tolist())
-    return {PORTS[name].name: error * found(result, name) for name, error in errors if name not in TABLE_FIELDS}
+    named = {name: error for name, error in result.errors.items() if name not in TABLE_FIELDS}
+    return {PORTS[name].name: error * found(result, name) for name, error in named.items()}
 
 
 def _entry(name: str, result: Identified) -> Entry:
     """A parameter, with its standard error if it was fitted."""
-    port, error = PORTS[name], dict(zip(result.names, result.uncertainty.relative.tolist())).get(name)
-    note = error_note(error, name in result.poor)
+    port, note = PORTS[name], error_note(result.errors.get(name), name in result.poor)
     if name in result.assumed:
         note = f"assumed, not known: {describe_doubt(port.name, result.assumed[name])}"
     return Entry(port.name, found(result, name), "not identified, held" if name in result.held else note)
@@ -185,6 +186,11 @@ PWM = (
     " only, which is in the standard errors. Where that leaves more than noise, record means of intervals, or without"
     " PWM; `gapsense commission` seeks the place of every edge."
 )
+LOUD = 4e-3  # noise, of the largest current, that hides losses which move turns and core
+UNSEEN = (
+    "Of the losses of a core, {} were not seen, but noise of {:.2g} % of the largest current may hide some, or flux"
+    " that was left before the record. Then turns and core are further off than stated, above all with short strokes."
+)
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
 
@@ -211,11 +217,12 @@ def assumed_table(result: Identified) -> list[Table | str]:
 def parameters(result: Identified) -> Table:
     """Value and standard error of every parameter."""
     rows = []
-    for name, error in zip(result.names, result.uncertainty.relative.tolist()):
+    for name, error in result.errors.items():
         unit, value = PORTS[name].unit, found(result, name)
-        interval = (quantity(value * float(np.exp(side * TWO_SIDED * error)), unit) for side in (-1.0, 1.0))
+        ends = [value * float(np.exp(side * TWO_SIDED * error)) for side in (-1.0, 1.0) if math.isfinite(error)]
+        interval = " to ".join(quantity(end, unit) for end in ends)
         note = "not identified" if name in result.poor else ""
-        rows.append((PORTS[name].name, quantity(value, unit), f"{100.0 * error:.2g} %", " to ".join(interval), note))
+        rows.append((PORTS[name].name, quantity(value, unit), percent(error), interval, note))
     for name in result.held:
         rows.append((PORTS[name].name, quantity(found(result, name), PORTS[name].unit), "", "", "not identified, held"))
     return table("Parameters", ("parameter", "value", "standard error", "95 % interval", ""), rows)
@@ -293,10 +300,14 @@ def remarks(result: Identified) -> list[str]:
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     said += explanations(result)
+    noise = max(r.noise / float(np.abs(m.current).max()) for r, m in zip(result.residuals, result.models))
+    unseen = {name for t in result.trials for name in t.form.added} & {"eddy", "hysteresis"} - {*result.form.added}
+    if result.is_explained and unseen and noise > LOUD:
+        said.append(UNSEEN.format(" and ".join(sorted(unseen)), 100.0 * noise))
     for name in result.at_bounds:
         said.append(
-            f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess:"
-            " give a better one."
+            f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess, so"
+            " that it has no standard error, and those of the others are too small: give a better guess."
         )
     for name in result.held:
         value = quantity(found(result, name), PORTS[name].unit)
@@ -304,8 +315,8 @@ def remarks(result: Identified) -> list[str]:
             f"`{PORTS[name].name}` is not identified: these records do not determine it. It is held at {value}."
         )
     for name in result.poor:
-        error = 100.0 * float(result.uncertainty.relative[result.names.index(name)])
-        said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error:.2g} %. Do not rely on it.")
+        error = percent(result.errors[name])
+        said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error}. Do not rely on it.")
     rho, names = result.uncertainty.correlation, labels(result)
     for k, j in zip(*np.nonzero(np.tril(np.abs(rho), -1) > STRONG)):
         a, b = names[j], names[k]
