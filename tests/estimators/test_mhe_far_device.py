@@ -86,7 +86,7 @@ def test_a_device_that_is_not_learnt_yet_is_no_healthy_one() -> None:
 
 
 def test_few_wrong_operations_are_silent_while_other_losses_are_learnt() -> None:
-    """30 % of them: the first windows were trusted too much, and the second to sixth opening came late."""
+    """38 % of them: the first windows were trusted too much, and the second to sixth opening came late."""
     s, wrong, silent = played(8301, 40), 0, 0
     for n in range(40):
         found = run(blind(), rows(s.voltage[:, n], s.current[:, n]))
