@@ -42,7 +42,7 @@ OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` can name another folder."
-INSTEAD = "Python computes instead, several times slower, with the same bits."
+INSTEAD = "Python computes instead, ten times slower or more, with the same bits."
 
 
 def addresses(codes: Iterable[Code]) -> list[int] | None:
