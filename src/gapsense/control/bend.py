@@ -14,7 +14,7 @@ from gapsense.control.coil import open_flux, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
-from gapsense.control.tracking import planned
+from gapsense.control.tracking import place, planned
 from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where
@@ -77,8 +77,8 @@ def watched(state: State, par: Parameters) -> Heard:
         plan = _plan(running, par)
         is_near = at * par.sample_time > plan.lead + where(running.command > 0.5, *NEAR) * plan.travel
         is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan) + choose_bounds(state).latest)
-        place = running.command * LONGEST + where(at > 0.0, at, 0.0)
-        is_near = is_near & (load(state.fluxes, place) > LARGE * running.balance_flux)
+        here = running.command * LONGEST + where(at > 0.0, at, 0.0)
+        is_near = is_near & (load(state.fluxes, here) > LARGE * running.balance_flux)
         return cond(is_near, looked, before)
 
     hardest, hit = cond(is_on & (heard.landing < 1.0), near, before)
@@ -160,7 +160,7 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     apart = APART + DOUBTFUL * where(error < FAR, error, FAR)
     is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, found < (1.0 - apart) * seated)
     is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
-    last = load(state.fluxes, running.command * LONGEST + where(running.age < LONGEST, running.age, LONGEST) - 1.0)
+    last = load(state.fluxes, place(running, running.age - 1.0))
     is_absent = is_absent | (is_closing & (square(last) < square(HELD) * balance(m.gap.smallest, m)))
     is_beside = (seated <= 0.0) | (is_told & (found < BESIDE * seated))
     is_there = is_early & where(is_closing, (early < CLOSED) & is_beside, early > OPENED) & not_(is_absent)

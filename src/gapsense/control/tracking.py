@@ -84,19 +84,19 @@ def _error(state: State, is_on: Scalar) -> Scalar:
 
 def _kept(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> State:
     """What the laws need of a sample."""
-    running, place = _watched(state, is_on, then, is_limited, par), _place(state.running)
+    running, at = _watched(state, is_on, then, is_limited, par), place(state.running, state.running.age)
     is_clear = is_on & (running.since_limit * par.sample_time > FRESH)
     return state._replace(
         running=running,
-        fluxes=store(state.fluxes, place, state.coil.flux),
-        profiles=store(state.profiles, place, where(is_clear, now, 0.0)),
-        charges=store(state.charges, place, state.coil.charge),
+        fluxes=store(state.fluxes, at, state.coil.flux),
+        profiles=store(state.profiles, at, where(is_clear, now, 0.0)),
+        charges=store(state.charges, at, state.coil.charge),
     )
 
 
-def _place(running: Running) -> Scalar:
-    """Of a sample in memory; all beyond the last place share that."""
-    return running.command * LONGEST + where(running.age < LONGEST, running.age, LONGEST - 1.0)
+def place(running: Running, sample: Scalar) -> Scalar:
+    """Of a sample of the operation in memory; all beyond the last place share that."""
+    return running.command * LONGEST + where(sample < LONGEST, sample, LONGEST - 1.0)
 
 
 def _watched(state: State, is_on: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> Running:
