@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.bend import arrived, is_of_core, landed
-from gapsense.control.coil import left_open, raised, wandering
+from gapsense.control.coil import left_open, raised, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
@@ -202,9 +202,14 @@ def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, pa
 
 
 def _slowest(state: State, par: Parameters) -> Scalar:
-    """Speed of the slowest approaches: not below what noise adds to that of a landing [m/s]."""
+    """Speed of the slowest approaches: not below what noise adds to that of a landing [m/s].
+
+    An estimator steadies the flux linkage, but what it says of the mover while it is young is as uncertain as that.
+    """
     m = make_mover(par)
-    added = ADDED * (wandering(state.coil, par) / sqrt(balance(m.gap.smallest, m)) - NOISY)
+    is_steady = (state.by_model > 0.0) & (state.since_plain >= YOUNG)
+    error = where(is_steady, steadied_error(state.coil, par), wandering(state.coil, par))
+    added = ADDED * (error / sqrt(balance(m.gap.smallest, m)) - NOISY)
     return where(added > par.approach_least, added, par.approach_least)
 
 
