@@ -64,7 +64,7 @@ from gapsense.identification.valve.model import (
 
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
 TINY = 1e-300
-REACH = (1e-5, 0.1)  # of a difference quotient, relative
+REACH = (1e-5, 0.1)  # least and most of how far a derivative is taken to each side
 
 
 class Slopes(NamedTuple):
@@ -118,7 +118,7 @@ def linearise(
     is_wide: bool = False,
 ) -> Linear:
     """The residuals near `ratios`, or as far around as noise leads; `fitted` and `others` are names of causes."""
-    found = slopes(form, ratios, experiments, [*fitted, *others], is_wide)
+    found = slopes(form, ratios, experiments, [*fitted, *others])
     k, problem = len(fitted), Weighted(form, experiments)
     r, J = problem.residuals([ratios])[0], problem.jacobian(ratios)
     J = np.hstack([problem.secants(ratios, reach(J, r)) if is_wide else J, found.residuals[:, :k]])
@@ -135,36 +135,28 @@ def linearise(
     )
 
 
-def slopes(
-    form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str], is_wide: bool = False
-) -> Slopes:
+def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Slopes:
     """How causes change the weighted residuals, and the resistance of (23)."""
     at, sizes = [residuals(form, [ratios], [e])[0] for e in experiments], scales(experiments, names)
-
-    def response(name: str, by: float) -> Vector:
-        others = [restore_causes(e, of_record({name: by * sizes[name]}, j)) for j, e in enumerate(experiments)]
-        changed = [
-            residuals(form, [ratios], [other])[0] if other is not e else r
-            for other, e, r in zip(others, experiments, at)
-        ]
-        return np.append(np.concatenate(changed), np.log(pooled_resistance(others)))
-
-    r = np.append(np.concatenate(at), np.log(pooled_resistance(experiments)))
-    columns = np.empty((r.size, len(names)))
+    columns, logarithms = np.empty((sum(r.size for r in at), len(names))), np.empty(len(names))
+    before = np.log(pooled_resistance(experiments))
     for k, name in enumerate(names):
         small = cause(name).small
-        columns[:, k] = (response(name, small) - r) / small
-        if is_wide:
-            (far,) = np.maximum(reach(columns[:-1, k : k + 1], r[:-1]), small)
-            columns[:, k] = (response(name, far) - response(name, -far)) / (2.0 * far)
-    return Slopes(columns[:-1], columns[-1])
+        others = [restore_causes(e, of_record({name: small * sizes[name]}, j)) for j, e in enumerate(experiments)]
+        changes = [
+            residuals(form, [ratios], [other])[0] - r if other is not e else np.zeros(r.size)
+            for other, e, r in zip(others, experiments, at)
+        ]
+        columns[:, k] = np.concatenate(changes) / small
+        logarithms[k] = (np.log(pooled_resistance(others)) - before) / small
+    return Slopes(columns, logarithms)
 
 
 def reach(slopes: Matrix, r: Vector) -> Vector:
     """How far to each side derivatives are taken: by as much as changes the residuals as the noise of one does.
 
-    Where the mover arrives or an edge lies at a sample, slopes jump; differences to one side only, for which it then
-    arrives later in some columns and earlier in others, would tell parameters apart that no record does.
+    Where the mover arrives at a sample, slopes jump; differences to one side only, for which it then arrives later in
+    some columns and earlier in others, would tell parameters apart that no record does.
     """
     return np.asarray(np.clip(rms(r) / np.maximum(np.linalg.norm(slopes, axis=0), TINY), *REACH))
 
