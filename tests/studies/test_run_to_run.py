@@ -153,7 +153,7 @@ def test_chain_is_the_kernels_one_by_one(law, name):
 
 def stepped(loop, given, dt, run=1):
     """What is recorded of a run by kernels in scalar Python."""
-    said, states, made, fine = {}, {}, [], loop.chain.fine
+    said, states, made, fine, base = {}, {}, [], loop.chain.fine, dt / loop.chain.fine
     for part in loop.chain.parts:
         said |= {f"{part.name}.{name}": 0.0 for name in names(part.kernel.module.Outputs)}
     pars = {part.name: flat_parameters(part, loop, run) for part in loop.chain.parts}
@@ -171,11 +171,11 @@ def stepped(loop, given, dt, run=1):
     for part in loop.chain.parts:
         take(part, 0.0, 0.0, (0.0, 0.0))
     for k, row in enumerate(given.tolist()):
-        for j in range(1, fine + 1):
+        for j in range(fine):
             for part in (part for part in loop.chain.parts if part.is_fine):
-                take(part, k * dt + j * dt / fine, dt / fine, row)
+                take(part, (k * fine + j) * base + base, base, row)
         for part in (part for part in loop.chain.parts if not part.is_fine):
-            take(part, k * dt + dt, dt, row)
+            take(part, k * fine * base + dt, dt, row)
         made.append([said[name] for name in loop.chain.recorded])
     return np.array(made, float)
 

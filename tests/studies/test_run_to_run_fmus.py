@@ -9,7 +9,7 @@ from gapsense import Scenario
 from gapsense.fmi.components import load_component, own
 from gapsense.scenarios.run_to_run.chain import Running
 from gapsense.scenarios.run_to_run.conditions import CONDITIONS, samples
-from gapsense.scenarios.run_to_run.loops import ESTIMATED, loop_of
+from gapsense.scenarios.run_to_run.loops import loop_of
 
 HELD_OUT, CYCLES, SEEN = 6, 8, ("plant.position", "plant.mode", "plant.current")
 COMMAND = "command.voltage"
@@ -58,7 +58,8 @@ def scenario(fmus, law, loop, stop, condition):
     wires |= {"law.current": "sensor.current_measured", "sensor.voltage": "drive.voltage_mean"}
     wires |= {f"sensor.{signal}": f"plant.{signal}" for signal in ("current", "position", "mode")}
     if law == "model":
-        wires |= {f"law.{name}": source for name, source in ESTIMATED.items()}
+        heard = loop.chain.parts[-1].wires
+        wires |= {f"law.{name}": source for name, source in heard.items() if str(source).startswith("mhe.")}
         wires |= {f"mhe.{name}": wires[f"law.{name}"] for name in ("voltage", "current", "command")}
     else:
         wires["law.mode"] = "sensor.mode_measured"
