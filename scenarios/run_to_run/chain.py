@@ -36,10 +36,8 @@ class Chain:
     Fine parts, which come first, take `fine` steps from sample to sample; what they hear from others is held.
     """
 
-    def __init__(
-        self, parts: Sequence[Part], recorded: Sequence[str], given: Sequence[str], samples: int, fine: int = 1
-    ) -> None:
-        self.parts, self.recorded, self.given, self.samples, self.fine = parts, recorded, given, samples, fine
+    def __init__(self, parts: Sequence[Part], recorded: Sequence[str], given: Sequence[str], fine: int = 1) -> None:
+        self.parts, self.recorded, self.given, self.fine = parts, recorded, given, fine
         self.room = Room(1)  # the first place says whether a run has failed, which nobody asks
         outputs = (f"{part.name}.{name}" for part in parts for name in names(part.kernel.module.Outputs))
         self.at = {name: self.room.take(1) for name in (*given, *outputs)}
@@ -59,7 +57,6 @@ class Chain:
             parts=[self._structure(part, at, dt) for part, at in zip(self.parts, self.places)],
             base_step=dt / self.fine,
             decimation=self.fine,
-            rows=self.samples,
             columns=[self.at[name] for name in self.recorded],
             places=[self.at[name] for name in self.given],
         )
@@ -113,10 +110,10 @@ class Running:
 
     def go(self, par: Mapping[str, Any], given: Floats) -> Floats:
         """The next samples: what is recorded, (samples, outputs, runs), of what is given, (samples, names)."""
-        made, begun = self.chain, self.samples + 1
+        made, begun, self.loop.rows = self.chain, self.samples + 1, len(given)
         played = np.repeat(np.asarray(given, float), made.fine, axis=0)
-        data = np.empty((self.runs, len(made.recorded), made.samples))
-        self.samples += made.samples
+        data = np.empty((self.runs, len(made.recorded), len(given)))
+        self.samples += len(given)
         for block in self.blocks:
             block.prepare(self.loop, par)
             block.runs.data = data[block.lanes[0] :].ctypes.data - begun * data.itemsize  # C counts rows from the start

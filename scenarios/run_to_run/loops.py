@@ -25,7 +25,7 @@ from gapsense.shipped import SCENARIOS
 from . import converter, disturbed, given, late
 from .actuators import drawn
 from .chain import Chain, Part
-from .conditions import Condition, Disturbance, piece
+from .conditions import Condition, Disturbance
 
 SCENARIO = SCENARIOS / "run_to_run"  # what its components are told, the loops are told
 RECENT = 0.9  # of a cycle: age of a smoothed sample that the estimator still tells
@@ -101,11 +101,11 @@ def _column(value: Any) -> Any:
 
 def chain_of(kind: str, condition: Condition) -> Chain:
     """The chain of a kind of law under a condition."""
-    return made_chain(kind, condition.plant, piece(condition), condition.fine, condition.disturbance is not None)
+    return made_chain(kind, condition.plant, condition.fine, condition.disturbance is not None)
 
 
 @cache
-def made_chain(kind: str, plant: str, count: int, fine: int, is_disturbed: bool) -> Chain:
+def made_chain(kind: str, plant: str, fine: int, is_disturbed: bool) -> Chain:
     """The wires of the scenario, between its components and what is between these."""
     absent = {*ABSENT[kind], *(() if is_disturbed else ("supply", "reading")), *(() if fine > 1 else ("converter",))}
     modules = {**KERNELS, "plant": import_module(f"gapsense.actuators.{plant}")}
@@ -119,7 +119,7 @@ def made_chain(kind: str, plant: str, count: int, fine: int, is_disturbed: bool)
         parts[name] = Part(name, Kernel(module), {**heard, **constant.get(name, {})}, name in FINE)
         by |= {source: f"{name}.{signal}" for signal, source in sources.items() if name in BETWEEN}
     recorded = (*RECORDED, str(parts["sensor"].wires["voltage"]), *(() if kind == "forward" else OF_LAW))
-    return Chain([*parts.values()], recorded, tuple(AT_REST) if is_disturbed else (COMMAND, VOLTAGE), count, fine)
+    return Chain([*parts.values()], recorded, tuple(AT_REST) if is_disturbed else (COMMAND, VOLTAGE), fine)
 
 
 def wires(part: str, absent: Container[str]) -> dict[str, str]:
