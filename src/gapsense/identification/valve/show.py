@@ -201,7 +201,7 @@ STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 def valve_tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     shown = [resistances(result, records), *forms(result), *drive(result), parameters(result), correlations(result)]
-    told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
+    told = about(*records, *(check.record for check in checks))
     return [*shown, *assumed_table(result), *([validation(checks)] if checks else []), *remarks(result), *told]
 
 
