@@ -273,7 +273,7 @@ def test_what_is_left_beyond_chance_is_in_the_errors_of_an_explained_record_too(
 
 def test_a_parameter_at_a_limit_of_the_search_has_no_standard_error():
     result = late()
-    at = result._replace(ratios=np.where(np.isin(result.form.fitted, "damping"), result.form.bounds, result.ratios))
+    at = result._replace(ratios=np.where(np.isin(result.form.fitted, "damping"), result.form.limits[1], result.ratios))
     said = " ".join(remarks(at))
     assert result.at_bounds == [] and at.at_bounds == ["damping"]
     assert valve_errors(at)["damping"] == np.inf and np.isfinite([*valve_errors(result).values()]).all()

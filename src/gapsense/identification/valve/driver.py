@@ -152,9 +152,9 @@ def correction(
     error = np.sqrt((at.inverse[k:] ** 2).sum(axis=1) * float(r @ r) / r.size)
     wanted, most = found[k:], np.array([EDGE if is_place(name) else FARTHEST[name] for name in names])
     part = float(np.min(most / np.maximum(np.abs(wanted), most)))
-    bounds = 0.99 * fit.form.bounds
+    low, high = fit.form.limits
     return Step(
-        ratios=np.clip(ratios + part * found[:k], -bounds, bounds),
+        ratios=np.clip(ratios + part * found[:k], 0.99 * low, 0.99 * high),
         causes={name: float(part * x * sizes[name]) for name, x in zip(names, wanted)},
         is_small=bool(np.all(np.abs(wanted) <= CLOSE * error)),
         is_doubtful=bool(np.all(np.abs(wanted) <= DOUBTFUL * error)),
