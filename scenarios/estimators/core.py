@@ -50,14 +50,8 @@ def identified(voltage: ArrayLike, current: ArrayLike, known: ukf.Parameters, st
 
 def innovations(given: list[tuple[float, float, float]], par: ukf.Parameters) -> Floats:
     """Measured minus predicted current, but for the first sample [A]."""
-    scalar, place = KERNEL.scalar, ukf.Outputs._fields.index("innovation")
-    constants = scalar["constants"](tuple(par))
-    state, _ = scalar["initial"](given[0], tuple(par))
-    found = []
-    for inputs in given[1:]:
-        state, outputs = scalar["advance"](state, inputs, constants)
-        found.append(outputs[place])
-    return np.array(found)
+    place = ukf.Outputs._fields.index("innovation")
+    return np.array([outputs[place] for outputs in KERNEL.run(given, par)[1][1:]])
 
 
 def of_scenario(folder: Path) -> Core:

@@ -1,4 +1,4 @@
-"""Kernels in each other's loop over many runs: a co-simulation of one cycle after the other, in their order, by lanes.
+"""Kernels in each other's loop over many runs, cycle after cycle, by the loop that runs a scenario as vectors.
 
 A part takes what those before it say at the end of the step, and what those behind it said at its beginning, as
 components do under the master of a scenario.
@@ -6,23 +6,19 @@ components do under the master of a scenario.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
-from itertools import chain
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense._os.native import own_compiler
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import Array, Plan, over_runs, plan
-from gapsense.kernels.lanes.kernels import columns_of
-from gapsense.kernels.layout import fields, names
+from gapsense.kernels.layout import names
+from gapsense.vectors import library
+from gapsense.vectors.library import Places, Room, aligned, columns, filled, of_kernel, places, structure, table
 
 Floats = npt.NDArray[np.float64]
-CLOCK = "clock"  # column: time of every sample, and step
-GIVEN = "given"  # column: what is given at every sample
-SCALARS, SAID = "scalars", "said"  # columns: states and outputs at the last sample
 
 
 class Part(NamedTuple):
@@ -40,112 +36,63 @@ class Chain:
     Fine parts, which come first, take `fine` steps from sample to sample; what they hear from others is held.
     """
 
-    def __init__(
-        self, parts: Sequence[Part], recorded: Sequence[str], given: Sequence[str], samples: int, fine: int = 1
-    ) -> None:
-        self.parts, self.recorded, self.given, self.samples, self.fine = parts, recorded, given, samples, fine
+    def __init__(self, parts: Sequence[Part], recorded: Sequence[str], given: Sequence[str], fine: int = 1) -> None:
+        self.parts, self.recorded, self.given, self.fine = parts, recorded, given, fine
+        self.room = Room(1)  # the first place says whether a run has failed, which nobody asks
+        outputs = (f"{part.name}.{name}" for part in parts for name in names(part.kernel.module.Outputs))
+        self.at = {name: self.room.take(1) for name in (*given, *outputs)}
+        self.places = [self._places(part) for part in parts]
 
-    @cached_property
-    def beginning(self) -> Plan:
-        """The first sample: states and outputs of all parts."""
-        columns = {**self._parameters(), CLOCK: 2, GIVEN: len(self.given)}
-        return plan(lambda **given: self._begun(**given), **columns)
+    def _places(self, part: Part) -> Places:
+        found = of_kernel(part.kernel) if own_compiler() else None
+        if found is None:
+            raise RuntimeError("This study needs a C compiler: `cc`, `gcc`, `clang`, or what `CC` names. Install one.")
+        own = self.room.take(len(found.inputs))
+        return places(found, self.room, own, own, self.at[f"{part.name}.{found.outputs[0]}"])
 
-    @cached_property
-    def cycle(self) -> Plan:
-        """Some samples more."""
-        scalars = sum(kind != "memory" for part in self.parts for kind in _kinds(part))
-        columns = {**self._parameters(), CLOCK: 2 + self.samples * self.fine, GIVEN: self.samples * len(self.given)}
-        left = {SCALARS: scalars, SAID: len(self._silent())}
-        return plan(lambda **given: self._went(**given), **columns, **left, **self.memories)
+    def loop(self, dt: float) -> Any:
+        """All for C, with this time from sample to sample [s]."""
+        return filled(
+            library.Loop,
+            parts=[self._structure(part, at, dt) for part, at in zip(self.parts, self.places)],
+            base_step=dt / self.fine,
+            decimation=self.fine,
+            columns=[self.at[name] for name in self.recorded],
+            places=[self.at[name] for name in self.given],
+        )
 
-    def _parameters(self) -> dict[str, int | Array]:
-        return {f"{part.name}.{name}": size for part in self.parts for name, size in columns_of(part.kernel).items()}
-
-    @cached_property
-    def memories(self) -> dict[str, Array]:
-        """Columns of array memory."""
-        return dict.fromkeys(self.sizes(), Array.MEMORY)
-
-    def sizes(self) -> dict[str, int]:
-        """How many numbers the array memories have."""
-        return {
-            f"{part.name} {name}": field.size
-            for part in self.parts
-            for name, field in fields(part.kernel.module.State).items()
-            if field.kind == "memory"
-        }
-
-    def _par(self, part: Part, columns: Mapping[str, Any]) -> list[Any]:
-        values = [columns[f"{part.name}.{name}"] for name in columns_of(part.kernel)]
-        return [value[0] if isinstance(value, tuple) else value for value in values]
-
-    def _inputs(self, part: Part, time: Any, dt: Any, row: Sequence[Any], said: Mapping[str, Any]) -> list[Any]:
-        known = {"time": time, "dt": dt, **dict(zip(self.given, row)), **said}
-        wires = {"time": "time", "dt": "dt", **part.wires}
-        entries = [wires.get(name, 0.0) for name in names(part.kernel.module.Inputs)]
-        return [known[entry] if isinstance(entry, str) else entry for entry in entries]
-
-    def _begun(self, **columns: Any) -> list[Any]:
-        """Scalars of all states, then all outputs."""
-        time, dt = columns[CLOCK]
-        states, said = [], self._silent()
-        for part in self.parts:
-            inputs = self._inputs(part, time, dt, columns[GIVEN], said)
-            state, outputs = over_runs(part.kernel).initial(inputs, self._par(part, columns))
-            said |= self._said(part, outputs)
-            states.append(state)
-        return [*self._scalars(states), *said.values()]
-
-    def _went(self, **columns: Any) -> list[Any]:
-        """What is recorded of every sample, then scalars of all states, then all outputs."""
-        dt, short, *times = columns[CLOCK]
-        said = dict(zip(self._silent(), columns[SAID]))
-        constants = [over_runs(part.kernel).constants(self._par(part, columns)) for part in self.parts]
-        scalars, kept = iter(columns[SCALARS]), []
-        states = [
-            [
-                columns[f"{part.name} {name}"] if kind == "memory" else next(scalars)
-                for name, kind in zip(names(part.kernel.module.State), _kinds(part))
-            ]
-            for part in self.parts
-        ]
-        for instants, row in zip(_rows(times, self.fine), _rows(columns[GIVEN], len(self.given))):
-            for k, part, time in self._steps(instants):
-                inputs = self._inputs(part, time, short if part.is_fine else dt, row, said)
-                states[k], outputs = over_runs(part.kernel).advance(states[k], inputs, constants[k])
-                said |= self._said(part, outputs)
-            kept += [said[name] for name in self.recorded]
-        return [*kept, *self._scalars(states), *said.values()]
-
-    def _scalars(self, states: Sequence[Sequence[Any]]) -> list[Any]:
-        """What is no memory of all states."""
-        entries = (zip(state, _kinds(part)) for part, state in zip(self.parts, states))
-        return [value for value, kind in chain(*entries) if kind != "memory"]
-
-    def _steps(self, instants: Sequence[Any]) -> Iterator[tuple[int, Part, Any]]:
-        """Number and part of each step from one sample to the next, and the end of the step."""
-        every = [*enumerate(self.parts)]
-        yield from ((k, part, time) for time in instants for k, part in every if part.is_fine)
-        yield from ((k, part, instants[-1]) for k, part in every if not part.is_fine)
-
-    def _silent(self) -> dict[str, Any]:
-        """All outputs, before anybody has said anything."""
-        return {f"{part.name}.{name}": 0.0 for part in self.parts for name in names(part.kernel.module.Outputs)}
-
-    @staticmethod
-    def _said(part: Part, outputs: Sequence[Any]) -> dict[str, Any]:
-        return {f"{part.name}.{name}": v for name, v in zip(names(part.kernel.module.Outputs), outputs)}
+    def _structure(self, part: Part, at: Places, dt: float) -> Any:
+        every, duration = (1, dt / self.fine) if part.is_fine else (self.fine, dt)
+        wires = {place: part.wires.get(name) for place, name in enumerate(at.functions.inputs, at.own)}
+        links = [library.Link(place, self.at[wire]) for place, wire in wires.items() if isinstance(wire, str)]
+        return structure(at, duration, links=links, follows=True, duration=duration, every=every)
 
 
-def _kinds(part: Part) -> list[str]:
-    """Of every flat entry of the state, whether it is memory."""
-    kinds = {name: field.kind for name, field in fields(part.kernel.module.State).items()}
-    return [kinds.get(name, "scalar") for name in names(part.kernel.module.State)]
+class Block:
+    """As many runs of a chain as a vector has numbers."""
 
+    def __init__(self, made: Chain, first: int, count: int, par: Mapping[str, Any], given: Sequence[float]) -> None:
+        width = library.loop().width()
+        self.lanes = first + np.minimum(np.arange(width), count - 1)  # run of each; the last one where there is none
+        self.values, self.arrays = aligned(made.room.size, width), [np.zeros((n, width)) for n in made.room.memories]
+        self.values[[made.at[name] for name in made.given]] = np.reshape(given, (-1, 1))
+        self.numbers: dict[str, int] = {}  # places of the parameters
+        for part, at in zip(made.parts, made.places):
+            for place, name in enumerate(at.functions.inputs, at.own):
+                self.values[place] = wire if isinstance(wire := part.wires.get(name), float) else 0.0
+            entries = [f"{part.name}.{name}" for name in names(part.kernel.module.Parameters)]
+            self.numbers |= {name: place for k, (name, place) in enumerate(zip(entries, at.par)) if k not in at.tables}
+            for k, place in at.tables.items():
+                self.arrays[place] = table(par[entries[k]], width)
+        self.runs = library.Runs(columns=columns(self.arrays), count=count, v=self.values.ctypes.data, next=1)
 
-def _rows(values: Sequence[Any], width: int) -> list[Sequence[Any]]:
-    return [values[k : k + width] for k in range(0, len(values), width)]
+    def prepare(self, loop: Any, par: Mapping[str, Any]) -> None:
+        """Set all parameters that are numbers, and compute what steps need of them."""
+        for name, place in self.numbers.items():
+            row = par[name][0]
+            self.values[place] = row[self.lanes] if row.size > 1 else row
+        for part in loop.parts[: loop.part_count]:
+            library.loop().prepare(part, self.runs)
 
 
 class Running:
@@ -153,21 +100,23 @@ class Running:
 
     def __init__(self, made: Chain, par: Mapping[str, Any], given: Sequence[float], dt: float, runs: int) -> None:
         """`par` are columns of flat parameters by `part.parameter`, `given` what is given at the first sample."""
-        self.chain, self.dt, self.runs, self.samples = made, dt, runs, 0
-        first = made.beginning.run(runs, **par, **{CLOCK: np.array([0.0, 0.0]), GIVEN: np.array(given)})
-        count = made.cycle.given[SCALARS]
-        self.scalars, self.said = first[:count], first[count:]
-        self.memories = {name: np.zeros((size, runs)) for name, size in made.sizes().items()}
+        self.chain, self.runs, self.samples, self.c, self.loop = made, runs, 0, library.loop(), made.loop(dt)
+        width = self.c.width()
+        self.blocks = [Block(made, k, min(width, runs - k), par, given) for k in range(0, runs, width)]
+        for block in self.blocks:
+            block.prepare(self.loop, par)
+            for part in self.loop.parts[: self.loop.part_count]:
+                self.c.begin(self.loop, block.runs, part, True)
 
     def go(self, par: Mapping[str, Any], given: Floats) -> Floats:
-        """The next samples: what is recorded, (samples, outputs, runs); `given` (samples, names) or (.., .., runs)."""
-        made, n, fine = self.chain, self.chain.samples, self.chain.fine
-        times = [(self.samples + k) * self.dt + j * self.dt / fine for k in range(n) for j in range(1, fine + 1)]
-        rows = np.reshape(given, (n * len(made.given), *np.shape(given)[2:]))
-        clock = np.array([self.dt, self.dt / fine, *times])
-        left = {SCALARS: self.scalars, SAID: self.said}
-        found = made.cycle.run(self.runs, **par, **{CLOCK: clock, GIVEN: rows}, **left, **self.memories)
-        kept, count = n * len(made.recorded), len(self.scalars)
-        self.scalars, self.said = found[kept : kept + count].copy(), found[kept + count :].copy()
-        self.samples += n
-        return found[:kept].reshape(n, len(made.recorded), self.runs)
+        """The next samples: what is recorded, (samples, outputs, runs), of what is given, (samples, names)."""
+        made, begun, self.loop.rows = self.chain, self.samples + 1, len(given)
+        played = np.repeat(np.asarray(given, float), made.fine, axis=0)
+        data = np.empty((self.runs, len(made.recorded), len(given)))
+        self.samples += len(given)
+        for block in self.blocks:
+            block.prepare(self.loop, par)
+            block.runs.data = data[block.lanes[0] :].ctypes.data - begun * data.itemsize  # C counts rows from the start
+            block.runs.played, block.runs.played_from = played.ctypes.data, block.runs.next
+            self.c.advance(self.loop, block.runs, self.samples * made.fine)
+        return np.ascontiguousarray(data.transpose(2, 1, 0))

@@ -76,10 +76,11 @@ def compared(
     -------
     Found
     """
-    facts = {"seed": seed, "in C": all([is_compiled(*row) for row in wanted])}  # before workers look for it
+    for name, law in wanted:
+        chain_of(LAWS[law].kind, CONDITIONS[name])  # compiled before workers look for it
     parts = [(first, min(TOGETHER, runs - first)) for first in range(0, runs, TOGETHER)]
     tasks = [_task(row, cycles, first, size) for row in wanted for first, size in parts]
-    found = compute(of_task, facts, tasks, workers, file, progress)
+    found = compute(of_task, {"seed": seed}, tasks, workers, file, progress)
     groups = [found.results[k : k + len(parts)] for k in range(0, len(tasks), len(parts))]
     outcomes = {row: joined([read(part) for part in group]) for row, group in zip(wanted, groups)}
     return Found(outcomes, seed, runs, found.computed)
@@ -88,12 +89,6 @@ def compared(
 def _task(row: Row, cycles: int, first: int, runs: int) -> Facts:
     name, law = row
     return {"condition": name, "law": law, "cycles": CONDITIONS[name].cycles or cycles, "first": first, "runs": runs}
-
-
-def is_compiled(name: str, law: str) -> bool:
-    """Whether there is C for the loop of a row; then it is made."""
-    made = chain_of(LAWS[law].kind, CONDITIONS[name])
-    return made.beginning.library is not None and made.cycle.library is not None
 
 
 def joined(parts: Sequence[Outcome]) -> Outcome:

@@ -108,8 +108,3 @@ def samples(condition: Condition, cycle: int = 0) -> tuple[int, int]:
     chance, longest = Random(cycle), PIECE * condition.sample_time
     closed, opened = (PIECE * round(chance.uniform(*condition.lengths) / longest) for _ in range(2))
     return closed + opened, closed
-
-
-def piece(condition: Condition) -> int:
-    """Samples that a chain goes through at once: a divisor of those of every cycle."""
-    return PIECE if condition.lengths else samples(condition)[0]

@@ -103,9 +103,7 @@ def recorded_cycles(law: str, loop: Loop, condition: Condition, runs: int, cycle
         counts = samples(condition, cycle)
         par = {**loop.par, **(searches.columns(trials) if trials else {}), **_changed(loop, condition, cycle, cycles)}
         signals = _given(condition, cycle, counts, volts(counts))
-        given = np.transpose([signals[name] for name in loop.chain.given])
-        pieces = np.split(given, len(given) // loop.chain.samples)
-        recorded = np.concatenate([running.go(par, piece) for piece in pieces])
+        recorded = running.go(par, np.transpose([signals[name] for name in loop.chain.given]))
         if trials and cycle:
             trials = searches.told(trials, cycle_of(recorded, counts[1], dt).speeds)
         yield recorded

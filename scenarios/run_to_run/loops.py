@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Container, Mapping
 from functools import cache
 from importlib import import_module
 from types import MappingProxyType
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gapsense.actuators import reluctance_actuator
 from gapsense.control import run_to_run
 from gapsense.control.records import Parameters
 from gapsense.cosim import load
@@ -24,11 +25,11 @@ from gapsense.shipped import SCENARIOS
 from . import converter, disturbed, given, late
 from .actuators import drawn
 from .chain import Chain, Part
-from .conditions import Condition, Disturbance, piece
+from .conditions import Condition, Disturbance
 
 SCENARIO = SCENARIOS / "run_to_run"  # what its components are told, the loops are told
 RECENT = 0.9  # of a cycle: age of a smoothed sample that the estimator still tells
-ESTIMATING = ("model", "both")  # kinds with `Mhe`
+COMPONENTS = {"plant": "actuator", "law": "controller"}  # parts that the scenario calls otherwise
 
 
 class Kind(NamedTuple):
@@ -52,11 +53,27 @@ LAWS = {
     "model": Kind("RunToRun, model", "model"),
     "both": Kind("RunToRun, contact and Mhe", "both"),
 }
-ESTIMATED = {  # inputs of the controller that `Mhe` feeds
-    c.target.variable: str(c.source)
-    for c in load(SCENARIO).connections
-    if (c.source.component, c.target.component) == ("mhe", "controller")
+KERNELS = {  # in the order of their steps
+    "drive": drive_voltage,
+    "supply": disturbed,
+    "plant": reluctance_actuator,  # or that of the condition
+    "converter": converter,
+    "sensor": sensor,
+    "reading": disturbed,
+    "mhe": mhe,
+    "late": late,
+    "law": run_to_run,
 }
+FINE = ("drive", "supply", "plant", "converter")
+ABSENT = {"forward": ("mhe", "late", "law"), "given": ("mhe",), "contact": ("mhe",), "model": ("late",), "both": ()}
+BETWEEN = {  # what signals go through on their way to the parts behind it, by the input and output of this
+    "supply": {"voltage": "drive.voltage_mean"},
+    "converter": {"voltage": "drive.voltage_mean", "current": "plant.current"},
+    "reading": {"voltage": "drive.voltage_mean", "current": "sensor.current_measured"},
+    "late": {"mode": "sensor.mode_measured"},
+}
+
+CONSTANT: dict[str, dict[str, str | float]] = {"reading": {"added": ADDED}, "law": {"enable": 1.0}}
 
 
 class Loop(NamedTuple):
@@ -78,108 +95,89 @@ def loop_of(law: str, condition: Condition, seed: int, runs: range) -> Loop:
     return Loop(made, columns)
 
 
-def controller(condition: Condition) -> Parameters:
-    """What a controller is told under a condition."""
-    par = _law(condition, "contact")
-    return Parameters(**{name: condition.changes.get(name, value) for name, value in par.items()})
-
-
 def _column(value: Any) -> Any:
     return value if isinstance(value, list) else np.atleast_2d(np.asarray(value, float))
 
 
 def chain_of(kind: str, condition: Condition) -> Chain:
     """The chain of a kind of law under a condition."""
-    return made_chain(kind, condition.plant, piece(condition), condition.fine, condition.disturbance is not None)
+    return made_chain(kind, condition.plant, condition.fine, condition.disturbance is not None)
 
 
 @cache
-def made_chain(kind: str, plant: str, count: int, fine: int, is_disturbed: bool) -> Chain:
-    """Parts in their order; an estimator is there for some laws only, a converter if samples have parts."""
-    reference = VOLTAGE if kind == "forward" else "law.voltage_reference"
-    actuator, drive = Kernel(import_module(f"gapsense.actuators.{plant}")), "drive.voltage_mean"
-    supplied = "supply.voltage" if is_disturbed else drive
-    volts, amperes = ("converter.voltage", "converter.current") if fine > 1 else (supplied, "plant.current")
-    seen = {"voltage": volts, "current": amperes, "position": "plant.position", "mode": "plant.mode"}
-    heard = {"voltage": supplied, "current": "plant.current"}
-    told = {"voltage": volts, "current": "sensor.current_measured"}
-    parts = [
-        Part("drive", Kernel(drive_voltage), {"enable": ENABLE if is_disturbed else 1.0, "reference": reference}, True)
-    ]
-    parts += [Part("supply", Kernel(disturbed), {"voltage": drive}, True)] if is_disturbed else []
-    parts += [Part("plant", actuator, {"voltage": supplied}, True)]
-    parts += [Part("converter", Kernel(converter), heard, True)] if fine > 1 else []
-    parts += [Part("sensor", Kernel(sensor), seen)]
-    parts += [Part("reading", Kernel(disturbed), {**told, "added": ADDED})] if is_disturbed else []
-    read = {name: f"reading.{name}" for name in told} if is_disturbed else told
-    parts += [] if kind == "forward" else _controlling(kind, {**read, "command": COMMAND})
-    recorded = (*RECORDED, volts, *(() if kind == "forward" else OF_LAW))
-    return Chain(parts, recorded, tuple(AT_REST) if is_disturbed else (COMMAND, VOLTAGE), count, fine)
+def made_chain(kind: str, plant: str, fine: int, is_disturbed: bool) -> Chain:
+    """The wires of the scenario, between its components and what is between these."""
+    absent = {*ABSENT[kind], *(() if is_disturbed else ("supply", "reading")), *(() if fine > 1 else ("converter",))}
+    modules = {**KERNELS, "plant": import_module(f"gapsense.actuators.{plant}")}
+    modules |= {"law": given} if kind == "given" else {}
+    reference: dict[str, str | float] = {"reference": VOLTAGE} if kind == "forward" else {}
+    constant = {"drive": {**reference, "enable": ENABLE if is_disturbed else 1.0}, **CONSTANT}
+    by, parts = {"command.voltage": COMMAND}, dict[str, Part]()
+    for name, module in ((name, module) for name, module in modules.items() if name not in absent):
+        sources = BETWEEN.get(name) or wires(name, absent)
+        heard = {target: by.get(source, source) for target, source in sources.items()}
+        parts[name] = Part(name, Kernel(module), {**heard, **constant.get(name, {})}, name in FINE)
+        by |= {source: f"{name}.{signal}" for signal, source in sources.items() if name in BETWEEN}
+    recorded = (*RECORDED, str(parts["sensor"].wires["voltage"]), *(() if kind == "forward" else OF_LAW))
+    return Chain([*parts.values()], recorded, tuple(AT_REST) if is_disturbed else (COMMAND, VOLTAGE), fine)
 
 
-def _controlling(kind: str, seen: Mapping[str, str]) -> list[Part]:
-    estimator = [Part("mhe", Kernel(mhe), seen)] if kind in ESTIMATING else []
-    contact = [] if kind == "model" else [Part("late", Kernel(late), {"mode": "sensor.mode_measured"})]
-    kernel = Kernel(given if kind == "given" else run_to_run)
-    wires = {**seen, **(ESTIMATED if estimator else {}), **({"mode": "late.mode"} if contact else {})}
-    return [*estimator, *contact, Part("law", kernel, {"enable": 1.0, **wires})]
+def wires(part: str, absent: Container[str]) -> dict[str, str]:
+    """Sources of the inputs of a component of the scenario, without those that are absent; none has a contact then."""
+    parts = {component: name for name, component in COMPONENTS.items()}
+    found = {
+        c.target.variable: f"{parts.get(c.source.component, c.source.component)}.{c.source.variable}"
+        for c in load(SCENARIO).connections
+        if c.target.component == COMPONENTS.get(part, part)
+    }
+    if part == "law" and "late" in absent:
+        del found["mode"]
+    return {target: source for target, source in found.items() if source.partition(".")[0] not in absent}
+
+
+def controller(condition: Condition) -> Parameters:
+    """What a controller is told under a condition."""
+    par = _told("law", "contact", condition)
+    return Parameters(**{name: condition.changes.get(name, value) for name, value in par.items()})
 
 
 def _parameters(part: str, kind: str, condition: Condition, seed: int, runs: range) -> dict[str, Any]:
     """Flat parameters of a part."""
     if part == "plant":
         par = drawn(condition.plant, seed, runs, condition.width, condition.drawn)
-    elif part == "law":
-        par = _law(condition, kind)
     else:
-        par = PARAMETERS[part](condition)
+        par = _told(part, kind, condition)
     par |= {"seed": 1000.0 * seed + np.array(runs)} if part == "sensor" else {}
     changes = condition.changes
-    own_changes = {name: changes[f"{part}.{name}"] for name in par if f"{part}.{name}" in changes}
-    return {**par, **{name: value for name, value in changes.items() if name in par}, **own_changes}
+    return {name: changes.get(f"{part}.{name}", changes.get(name, value)) for name, value in par.items()}
+
+
+def _told(part: str, kind: str, condition: Condition) -> dict[str, Any]:
+    """Flat parameters of a part that all actuators share, by the scenario and by the condition."""
+    error, dt = condition.disturbance or Disturbance(), condition.sample_time
+    between: dict[str, dict[str, Any]] = {
+        "supply": {"gain": 1.0, "offset": 0.0},
+        "converter": {"parts": condition.fine},
+        "reading": {"gain": error.gain, "offset": error.offset},
+        "late": {"samples": round(condition.late / dt)},
+    }
+    if part in between:
+        return between[part]
+    is_other = condition.plant == "play_actuator"
+    variants = {"law": "model" if kind == "model" else None, "mhe": "play" if is_other else None}
+    par = {**stated(COMPONENTS.get(part, part), variants.get(part))}
+    if part == "mhe":
+        par |= {name: condition.prior * value for name, value in par.items() if name.startswith("prior_")}
+        par |= {"publish_within": RECENT * condition.period}
+    if part == "law" and kind == "given":  # what is given comes before each cycle
+        par |= dict.fromkeys(names(given.Parameters)[len(par) :], 0.0)
+    return {**par, "sample_time": dt} if "sample_time" in par else par
 
 
 @cache
-def stated(component: str, fmu: str, variant: str | None = None) -> Mapping[str, Any]:
+def stated(component: str, variant: str | None = None) -> Mapping[str, Any]:
     """Flat parameters of a component of the scenario; its sets, which several share, have more."""
-    folder, values = own(fmu), load(SCENARIO, variant).components[component].values
-    ports = {port.name for port in load_component(folder).of("parameter")}
-    par = kernel_parameters(folder, {name: value for name, value in values.items() if name in ports})
+    found = load(SCENARIO, variant).components[component]
+    ports = {port.name for port in load_component(own(found.fmu)).of("parameter")}
+    par = kernel_parameters(own(found.fmu), {name: value for name, value in found.values.items() if name in ports})
     return MappingProxyType(par._asdict())
-
-
-def _sensor(condition: Condition) -> dict[str, Any]:
-    return {**stated("sensor", "sensor"), "sample_time": condition.sample_time}
-
-
-def _reading(condition: Condition) -> dict[str, Any]:
-    error = condition.disturbance or Disturbance()
-    return {"gain": error.gain, "offset": error.offset}
-
-
-def _late(condition: Condition) -> dict[str, Any]:
-    return {"samples": round(condition.late / condition.sample_time)}
-
-
-def _estimator(condition: Condition) -> dict[str, Any]:
-    par = stated("mhe", "mhe", "play" if condition.plant == "play_actuator" else None)
-    wider = {name: condition.prior * value for name, value in par.items() if name.startswith("prior_")}
-    return {**par, **wider, "sample_time": condition.sample_time, "publish_within": RECENT * condition.period}
-
-
-def _law(condition: Condition, kind: str) -> dict[str, Any]:
-    """Nothing but nominal numbers; a law that is given from outside gets it before each cycle."""
-    par = stated("controller", "run_to_run", "model" if kind == "model" else None)
-    outside = names(given.Parameters)[len(par) :] if kind == "given" else ()
-    return {**par, "sample_time": condition.sample_time, **dict.fromkeys(outside, 0.0)}
-
-
-PARAMETERS: dict[str, Callable[[Condition], dict[str, Any]]] = {
-    "drive": lambda _: {**stated("drive", "drive_voltage")},
-    "converter": lambda condition: {"parts": condition.fine},
-    "supply": lambda _: {"gain": 1.0, "offset": 0.0},
-    "sensor": _sensor,
-    "reading": _reading,
-    "late": _late,
-    "mhe": _estimator,
-}

@@ -40,6 +40,10 @@ class FmuError(RuntimeError):
         when = "" if time is None else f", t = {time:.9g} s (base step {step})"
         super().__init__(f"{instance}{when}: {cause}")
 
+    def adding(self, sentence: str) -> FmuError:
+        """The same with one more sentence in its cause."""
+        return FmuError(self.instance, f"{self.cause} {sentence}", time=self.time, step=self.step, log=self.log)
+
 
 class CodeError(ValueError):
     """The code of a component cannot be used; the message is one sentence with file and line."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gapsense._os import native
 from gapsense.fmi.native import platforms
 from gapsense.fmi.native.platforms import PLATFORMS
 
@@ -48,7 +49,8 @@ def test_unknown_platform_is_named(gapsense):
 
 @pytest.mark.parametrize("compiler", ["cc", None])
 def test_other_platforms_need_ziglang(gapsense, monkeypatch, compiler):
-    monkeypatch.setattr(platforms, "zig_version", lambda: None)
+    for module in (native, platforms):
+        monkeypatch.setattr(module, "zig_version", lambda: None)
     monkeypatch.setattr(platforms, "here", lambda: "linux64")
     monkeypatch.setattr(shutil, "which", lambda name: compiler and str(Path("/bin", name)))
     done = gapsense("build", "--native", "--platforms", "here" if compiler is None else "win64", "semera")

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from gapsense._os import files
 from gapsense._os.files import read_columns, sha256, write_atomically
 from gapsense.cosim import check, find_scenarios, read_result, run, test_scenarios, update_baseline, write_junit
-from gapsense.cosim.result import result as record
 from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.result import measure_all
 from gapsense.cosim.scenario.records import Metric
@@ -79,8 +79,8 @@ class FullDisk:
 def test_full_disk_leaves_the_old_result_whole(saved, monkeypatch, name):
     first, second, path = saved
     before = {file: file.read_bytes() for file in path.parent.iterdir()}
-    written = getattr(record, name)
-    monkeypatch.setattr(record, name, lambda file, *more: written(FullDisk(file, 100), *more))
+    written = getattr(files, name)
+    monkeypatch.setattr(files, name, lambda file, *more: written(FullDisk(file, 100), *more))
     with pytest.raises(OSError, match=rf"No space left on device: '.*x\.{'csv' if 'columns' in name else 'json'}'"):
         second.save(path)
     assert {file: file.read_bytes() for file in path.parent.iterdir()} == before

@@ -46,16 +46,16 @@ def faulty(
     first: int,
     last: int,
     halves: int = 12,
-    volts: float = 30.0,
+    volts: float | np.ndarray = 30.0,
     starts: np.ndarray | None = None,
     valve: Any = RTS_VALVE,
     **changes: float,
 ) -> Signals:
-    """The square wave, or operations with other starts, with another valve in some of its halves."""
+    """The square wave, or operations with other starts or supplies, with another valve in some of its halves."""
     starts = START + HALF * np.arange(halves + 1) if starts is None else starts
     kernel, k = fresh(reluctance_actuator), np.arange(starts[-1])
     half = np.searchsorted(starts, k, side="right") - 1
-    voltage = np.where((k >= START) & (half % 2 == 0), volts, 0.0)
+    voltage = np.where((k >= START) & (half % 2 == 0), np.resize(volts, starts.size)[half], 0.0)
     devices = (valve, valve._replace(**changes))
     rows = np.empty((k.size, kernel.outputs.size))
     for n in range(k.size):

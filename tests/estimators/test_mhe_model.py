@@ -17,9 +17,9 @@ from scipy.optimize import least_squares
 from gapsense.estimators.gap import bump, gap_law
 from gapsense.estimators.mhe import mhe
 from gapsense.estimators.mhe import model as mhe_model
+from gapsense.estimators.mhe.mhe import SAME
 from gapsense.estimators.mhe.model import Model, Point, device, differentiate, model
 from gapsense.estimators.mhe.solve import DRIFT
-from gapsense.estimators.mhe.watch import SAME
 from gapsense.estimators.mhe.window import priors
 from gapsense.kernels.linalg import matrix
 from gapsense.scenarios.estimators.parameters import VALVE

@@ -10,10 +10,14 @@ from valve_records import GUESS
 from gapsense.identification.causes import BESIDE
 from gapsense.identification.coil.fit import fit_coil
 from gapsense.identification.measurements.checks import operation_problems
+from gapsense.identification.measurements.hum import hum
 from gapsense.identification.measurements.operations import Operation, estimate, operations
 from gapsense.identification.measurements.record import Columns, part, to_record
+from gapsense.identification.measurements.signals import noise
+from gapsense.identification.residual import verdict
 from gapsense.identification.valve.fit import fit_valve
 from gapsense.identification.valve.form import Sought, value_of
+from gapsense.identification.valve.show import remarks
 from gapsense.studies.devices import VALVE
 
 
@@ -68,3 +72,49 @@ def test_coil_without_motion_that_is_held_is_a_coil():
 def test_operation_of_a_held_coil_is_balanced_where_it_has_settled():
     assert Operation(10, 100).balanced == slice(11, 101)
     assert Operation(10, 100, 20).balanced == slice(81, 101)
+
+
+def test_hum_while_the_coil_is_held_is_named_where_the_coil_hardly_rests():
+    """It was no complete operation, since the current did not settle."""
+    held = record(Condition(on=32e-3, period=32e-3, hum=3e-3, dt=100e-6), 30.0, 1, np.random.default_rng(41))
+    (said,) = operation_problems(held, "x.csv", None)
+    assert "goes with 50 Hz: hum of the mains" in said
+    assert operations(closing(42, on=32e-3)) and hum(closing(42, on=32e-3)) is None
+    unsettled = part(closing(43, on=32e-3), slice(0, 75))
+    assert "no complete operation" in " ".join(operation_problems(unsettled, "x.csv", None))
+
+
+@pytest.mark.parametrize(
+    ("by", "words"), [({"drift": 3e-3}, "is held it rises steadily"), ({"warming": 0.01}, "is held it falls steadily")]
+)
+def test_current_that_creeps_while_the_coil_is_held_is_named(by, words):
+    """A drop of the driver was named first."""
+    held = record(Condition(on=30e-3, period=30e-3, noise=0.3, **by), 30.0, 1, np.random.default_rng(44))
+    result = fit_valve([held], GUESS, 1, sought=Sought(()))
+    (left,) = result.residuals
+    said = verdict(left, "", "")
+    assert not result.is_explained
+    assert words in said and "a zero of the current that drifts" in said and "drops" not in said
+
+
+def test_coarse_voltage_is_noise_of_the_current_of_the_model_too():
+    """Its steps were taken for a model that does not explain the record: 1.7 times the noise."""
+    held = record(Condition(on=30e-3, period=30e-3, noise=0.3), 30.15, 1, np.random.default_rng(45))
+    values = {"time": held.times, "voltage": np.round(held.voltage / 0.3) * 0.3, "current": held.current}
+    coarse = to_record(Columns("coarse.csv", np.arange(held.times.size) + 2, values), "trapezoid")
+    (left,) = fit_valve([coarse], VALVE, 1, sought=Sought(())).residuals
+    assert left.is_explained and left.rms > 1.25 * noise(coarse.current), left
+
+
+def test_core_that_hardly_saturates_is_found_from_any_guess():
+    """With five times the guess at most, hundreds of noises were left."""
+    par = VALVE._replace(core_saturation=0.6)
+    condition = Condition(par=par, noise=0.2, on=10e-3, period=40e-3)
+    shots = [record(condition, volts, 1, np.random.default_rng(46)) for volts in (30.0, 24.0)]
+    result = fit_valve(shots, par._replace(core_saturation=0.02), 1, sought=Sought(()))
+    high = np.where(np.isin(result.form.fitted, "core_saturation"), result.form.limits[1], result.ratios)
+    told = [" ".join(remarks(result._replace(ratios=ratios))) for ratios in (result.ratios, high)]
+    assert result.is_explained and ["show no saturation" in said for said in told] == [False, True]
+    assert not any("`core.saturation` ends at a limit" in said for said in told)
+    for name in ("mover_mass", "coil_turns", "core_reluctance"):
+        assert float(value_of(result.parameters, name)) == pytest.approx(getattr(par, name), rel=0.03)

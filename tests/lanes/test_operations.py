@@ -139,7 +139,8 @@ def test_memory_changes_in_the_runs_that_take_a_branch_or_round_and_tables_are_s
         return State(store(stored, 2.0, load(stored, 4.0) + x))
 
     code = Code(trace(step, {"state": State, "table": Parameters}))
-    made = plan(lambda memory, table: code((memory,), (table,)) and (), memory=Array.MEMORY, table=Array.TABLE)
+    # the memory is given as a table, which it changes in place, so that one can look at it
+    made = plan(lambda memory, table: code((memory,), (table,)) and (), memory=Array.TABLE, table=Array.TABLE)
     assert made.library
     table, memory = [-1.0, 0.0, 0.5, 4.0], np.random.default_rng(2).normal(0.0, 1.5, (5, 19))
     expected = [step(State([*map(float, run)]), Parameters(table)).memory for run in memory.T]

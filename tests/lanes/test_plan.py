@@ -70,14 +70,12 @@ def test_columns_that_are_missing_or_too_many_are_named(code):
         ({"start": np.zeros((3, 1))}, r"`start` has the shape \(3, 1\), \(2,\) or \(2, 1\) or \(2, 13\) expected"),
         ({"noise": np.zeros((SAMPLES, RUNS + 1))}, r"`noise` has the shape \(40, 14\)"),
         ({"table": np.zeros((4, 2))}, r"`table` has the shape \(4, 2\), \(4,\) or \(4, 1\) or \(4, 13\) expected"),
-        ({"memory": np.zeros((4, 1))}, r"`memory` has the shape \(4, 1\), \(4, 13\) expected"),
-        ({"memory": np.zeros((4, RUNS), int)}, "`memory` is not an array of doubles"),
     ],
     ids=str,
 )
 def test_columns_of_another_shape_are_refused(code, columns, words):
-    sizes = {"start": 2, "noise": SAMPLES, "table": Array.TABLE, "memory": Array.MEMORY}
+    sizes = {"start": 2, "noise": SAMPLES, "table": Array.TABLE}
     recorded = plan(lambda start, **_: code((*start, 1.0)), **sizes)
-    right = {**given(), "table": [1.0, 2.0], "memory": np.zeros((3, RUNS))}
+    right = {**given(), "table": [1.0, 2.0]}
     with pytest.raises(ValueError, match=words):
         recorded.run(RUNS, **right | columns)

@@ -25,7 +25,7 @@ from gapsense.scenarios.run_to_run import converter, forward, late, searches, sh
 from gapsense.scenarios.run_to_run import figure as scenario
 from gapsense.scenarios.run_to_run.actuators import WRONG, drawn
 from gapsense.scenarios.run_to_run.chain import Chain, Running
-from gapsense.scenarios.run_to_run.conditions import CHANGED, CONDITIONS, factors, piece, samples
+from gapsense.scenarios.run_to_run.conditions import CHANGED, CONDITIONS, factors, samples
 from gapsense.scenarios.run_to_run.cycles import NEVER, STRUCK, Outcome, cycle_of, hardest, outcome, recorded_cycles
 from gapsense.scenarios.run_to_run.loops import LAWS, Loop, controller, loop_of
 from gapsense.scenarios.run_to_run.measures import impact_energy, missed, noticed, verdicts, warned, worst_cycle
@@ -93,8 +93,7 @@ def test_cycle_of_recorded_signals():
 
 def test_energy_is_what_the_plant_says():
     loop = loop_of("ordinary", PLAIN, 1, range(2))
-    parts, recorded, given, samples = loop.chain.parts, loop.chain.recorded, loop.chain.given, loop.chain.samples
-    with_energy = Chain(parts, (*recorded, "plant.supplied_energy"), given, samples)
+    with_energy = Chain(loop.chain.parts, (*loop.chain.recorded, "plant.supplied_energy"), loop.chain.given)
     running = Running(with_energy, loop.par, [0.0, 0.0], 20e-6, 2)
     command = np.arange(CYCLE) < CLOSED
     rows = running.go(loop.par, np.transpose([command, 24.0 * command]))
@@ -153,7 +152,7 @@ def test_chain_is_the_kernels_one_by_one(law, name):
 
 def stepped(loop, given, dt, run=1):
     """What is recorded of a run by kernels in scalar Python."""
-    said, states, made, fine = {}, {}, [], loop.chain.fine
+    said, states, made, fine, base = {}, {}, [], loop.chain.fine, dt / loop.chain.fine
     for part in loop.chain.parts:
         said |= {f"{part.name}.{name}": 0.0 for name in names(part.kernel.module.Outputs)}
     pars = {part.name: flat_parameters(part, loop, run) for part in loop.chain.parts}
@@ -171,11 +170,11 @@ def stepped(loop, given, dt, run=1):
     for part in loop.chain.parts:
         take(part, 0.0, 0.0, (0.0, 0.0))
     for k, row in enumerate(given.tolist()):
-        for j in range(1, fine + 1):
+        for j in range(fine):
             for part in (part for part in loop.chain.parts if part.is_fine):
-                take(part, k * dt + j * dt / fine, dt / fine, row)
+                take(part, (k * fine + j) * base + base, base, row)
         for part in (part for part in loop.chain.parts if not part.is_fine):
-            take(part, k * dt + dt, dt, row)
+            take(part, k * fine * base + dt, dt, row)
         made.append([said[name] for name in loop.chain.recorded])
     return np.array(made, float)
 
@@ -228,9 +227,10 @@ def test_means_of_the_half_bridge_are_those_of_its_pulses():
     condition = CONDITIONS["half-bridge"]
     loop = loop_of("contact", condition, 1, range(2))
     chain = loop.chain
-    wanted = Chain(chain.parts, ("law.voltage_reference", "converter.voltage"), chain.given, chain.samples, chain.fine)
+    wanted = Chain(chain.parts, ("law.voltage_reference", "converter.voltage"), chain.given, chain.fine)
     running = Running(wanted, loop.par, [0.0, 0.0], condition.sample_time, 2)
-    given = np.transpose([np.arange(chain.samples) < 196, np.zeros(chain.samples)])
+    count = samples(condition)[0]
+    given = np.transpose([np.arange(count) < 196, np.zeros(count)])
     rows = [running.go(loop.par, given) for _ in range(2)][1]
     reference, mean = rows[:-1, 0], rows[1:, 1]
     assert mean == pytest.approx(np.clip(reference, 0.0, 30.0), abs=1e-9)
@@ -252,11 +252,11 @@ def test_changes_of_a_condition_reach_their_parts(name):
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
-def test_a_chain_goes_through_every_cycle_in_pieces(name):
+def test_cycles_are_as_long_as_a_condition_says(name):
     condition = CONDITIONS[name]
     for cycle in range(20):
         whole, closed = samples(condition, cycle)
-        assert whole % piece(condition) == 0 and 0 < closed < whole
+        assert 0 < closed < whole
     if condition.lengths:
         drawn = np.array([samples(condition, cycle) for cycle in range(200)])
         seconds = condition.sample_time * np.r_[drawn[:, 1], drawn[:, 0] - drawn[:, 1]]
@@ -271,7 +271,7 @@ def told_and_true(name: str, cycles: int = CHANGED + 2) -> list[dict[str, np.nda
     condition = CONDITIONS[name]
     loop = loop_of("contact", condition, 1, range(2))
     signals = ("reading.voltage", "reading.current", "supply.voltage", "drive.voltage_mean", "sensor.current_measured")
-    chain = Chain(loop.chain.parts, signals, loop.chain.given, loop.chain.samples)
+    chain = Chain(loop.chain.parts, signals, loop.chain.given)
     found = []
     for recorded in recorded_cycles("contact", Loop(chain, loop.par), condition, 2, cycles):
         found.append(dict(zip(signals, np.swapaxes(recorded, 0, 1))))

@@ -125,7 +125,7 @@ def test_a_nominal_actuator_teaches_what_the_estimator_is_told_of_its_core(name)
     loop, (count, closed) = loop_of("model", condition, HELD_OUT, range(20)), samples(condition)
     par = {**loop.par, **{f"mhe.{key}": np.full((1, 1), value) for key, value in BLIND.items()}}
     recorded = tuple(f"mhe.{key}" for key in ("core_reluctance", "knee", "saturation", "eddy", "hysteresis"))
-    made = Chain(loop.chain.parts, recorded, loop.chain.given, count)
+    made = Chain(loop.chain.parts, recorded, loop.chain.given)
     running = Running(made, par, [0.0, 0.0], condition.sample_time, 20)
     command = np.arange(count) < closed
     for _ in range(10):

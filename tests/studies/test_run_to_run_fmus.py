@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -9,10 +11,10 @@ from gapsense import Scenario
 from gapsense.fmi.components import load_component, own
 from gapsense.scenarios.run_to_run.chain import Running
 from gapsense.scenarios.run_to_run.conditions import CONDITIONS, samples
-from gapsense.scenarios.run_to_run.loops import ESTIMATED, loop_of
+from gapsense.scenarios.run_to_run.loops import COMPONENTS, SCENARIO, loop_of
 
-HELD_OUT, CYCLES, SEEN = 6, 8, ("plant.position", "plant.mode", "plant.current")
-COMMAND = "command.voltage"
+HELD_OUT, CYCLES = 6, 8
+SEEN = {f"plant.{name}": f"actuator.{name}" for name in ("position", "mode", "current")}
 FMUS = {
     "drive": "drive_voltage", "plant": "reluctance_actuator", "sensor": "sensor", "mhe": "mhe", "law": "run_to_run",
 }  # fmt: skip
@@ -35,40 +37,22 @@ def same_bits(fmus, law, run, cycles):
     given = np.transpose([np.arange(count) < closed, np.zeros(count)])
     rows = np.concatenate([running.go(loop.par, given) for _ in range(cycles)])[:, :, 0]
     expected = dict(zip(loop.chain.recorded, rows.T))
-    with scenario(fmus, law, loop, cycles * condition.period, condition) as made:
+    with scenario(fmus, loop, cycles * condition.period) as made:
         found = made.run()
-    for name in SEEN:
-        np.testing.assert_array_equal(found[name][1:], expected[name])
+    for name, signal in SEEN.items():
+        np.testing.assert_array_equal(found[signal][1:], expected[name])
 
 
-def scenario(fmus, law, loop, stop, condition):
-    """The loop as a scenario."""
-    made = Scenario(f"{law} through FMUs", fmus=fmus, stop=stop, base_step=condition.sample_time)
-    wave = {"waveform": "square", "square.amplitude": 1.0, "square.period": condition.period}
-    wave["square.duty"] = condition.closed / condition.period
-    made.add("command", "DriveVoltage", wave, enable=1.0, reference=0.0)
-    names = [part.name for part in loop.chain.parts if part.name in FMUS]
-    for name in names:
-        made.add(name, load_component(own(FMUS[name])).name, told(name, loop))
-    wires = {
-        "plant.voltage": "drive.voltage_mean",
-        "law.voltage": "drive.voltage_mean",
-        "law.command": COMMAND,
-    }
-    wires |= {"law.current": "sensor.current_measured", "sensor.voltage": "drive.voltage_mean"}
-    wires |= {f"sensor.{signal}": f"plant.{signal}" for signal in ("current", "position", "mode")}
-    if law == "model":
-        wires |= {f"law.{name}": source for name, source in ESTIMATED.items()}
-        wires |= {f"mhe.{name}": wires[f"law.{name}"] for name in ("voltage", "current", "command")}
-    else:
-        wires["law.mode"] = "sensor.mode_measured"
-    unwired = [p.name for p in load_component(own("run_to_run")).of("input") if f"law.{p.name}" not in wires]
-    for name in unwired:
-        made.set(f"law.{name}", float(name == "enable"))
-    for target, source in wires.items():
-        made.connect(source, target, **({"factor": 1.0, "unit": "1"} if source == COMMAND else {}))
-    made.set("drive.enable", 1.0).connect("law.voltage_reference", "drive.reference", delayed=True)
-    return made.record(*SEEN)
+def scenario(fmus, loop, stop):
+    """The shipped scenario with the parameters of a loop; with a contact, `Mhe` only looks on there."""
+    made = Scenario.load(SCENARIO, fmus)
+    kept = ("experiment", "components", "connect", "connections", "inputs")
+    made.data = deepcopy({name: made.data[name] for name in kept}) | {"title": "through FMUs"}
+    made.data["experiment"]["stop"] = stop
+    for part in loop.chain.parts:
+        for name, number in told(part.name, loop).items() if part.name in FMUS else ():
+            made.set(f"{COMPONENTS.get(part.name, part.name)}.{name}", number)
+    return made.record(*SEEN.values())
 
 
 def told(name, loop):

@@ -271,9 +271,34 @@ def write_json(file: TextIO, data: Any) -> None:
     file.write("\n")
 
 
-def read_json(path: Path) -> Any:
-    """Content of a JSON file."""
-    return json.loads(read_bytes(path).decode("utf-8"))
+def facts_beside(path: Path) -> dict[str, Any]:
+    """Content of the JSON file beside a file, which may be itself; empty if there is none that can be read."""
+    try:
+        data = json.loads(read_bytes(path.with_suffix(".json")).decode("utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def write_with_facts(
+    path: Path, columns: Columns, units: Mapping[str, str], about: Callable[[str], Mapping[str, Any]]
+) -> None:
+    """Write a table and beside it, sealed as JSON, what is told about a table with its hash.
+
+    Both are written before one of them takes its place: if that fails, what was there before is still whole.
+    """
+    with prepared(path, lambda file: write_columns(file, columns, units)) as table:
+        content = sealed(about(sha256(table)))
+        with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
+            rename(table, path)
+            rename(beside, path.with_suffix(".json"))
+
+
+def refuse_export(file: Path, *endings: str) -> None:
+    """Raise an InputError for a file whose ending is no format of an export."""
+    if file.suffix not in endings:
+        known = " or ".join(f"`{ending}`" for ending in endings)
+        raise InputError([f"--export: `{file}` found, a file expected that ends in {known}. Correct it."])
 
 
 def state(path: Path) -> tuple[int, int, int]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gapsense import cosim
+from gapsense._os.files import refuse_export
 from gapsense.cli import common as cli
 from gapsense.cli import console
 from gapsense.functions import EDGE_STEPS, RTOL
@@ -115,12 +116,12 @@ def converge(
     scenario has, or if no signal converges.
     """
     from gapsense.cosim.check import measured_file
-    from gapsense.cosim.convergence import check_export
+    from gapsense.cosim.convergence import EXPORTED
     from gapsense.report import convergence, plot
 
     fmus, source = console.chosen(scenario, fmus, native), cosim.changed(scenario, settings or ())
     if export:
-        check_export(export)
+        refuse_export(export, *EXPORTED)
     if figure:
         plot.check_file(figure)
     with console.bar("running") as progress:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
@@ -15,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gapsense._os.files import fingerprint, is_sealed, read_columns, read_json, state
+from gapsense._os.files import facts_beside, fingerprint, is_sealed, read_columns, state
 from gapsense.cosim.fmu.archive import UnusableError, read_description
 from gapsense.cosim.fmu.descriptions import (
     NUMERIC,
@@ -919,8 +918,7 @@ def own_step(component: Component, description: Description, experiment: Experim
 def periods(component: Component, description: Description, experiment: Experiment) -> Iterator[str]:
     """Periods and pulses of what a component generates that its steps do not resolve."""
     step = component.step * experiment.base_step
-    values: dict[str, Value] = {v.name: v.start for v in description.of("parameter") if v.start is not None}
-    values.update(component.values)
+    values = {**description.starts, **component.values}
     ports = {port.name: port for port in description.rules.ports} if description.rules else {}
     choices = {choice: values.get(p.name) == choice for p in ports.values() for choice in p.choices}
     for variable in description.of("parameter"):
@@ -1048,8 +1046,7 @@ def value_problems(event: Event, variable: Variable, scenario: Scenario, descrip
     if result is not None and (problem := misfit(result, variable)):
         yield f"value: {problem}"
     elif variable.is_tunable:
-        values: dict[str, Value] = {v.name: v.start for v in description.of("parameter") if v.start is not None}
-        values.update(scenario.components[event.target.component].values)
+        values = {**description.starts, **scenario.components[event.target.component].values}
         result = changed(event, values.get(variable.name)) if result is None else result
         problems = [] if result is None else tuned_problems(variable, result, values, description)
         yield from (f"value: `{event.target}` becomes {result}: {problem} Correct the value." for problem in problems)
@@ -1176,15 +1173,8 @@ def measured_file(scenario: Scenario) -> Path:
 
 def is_measured(scenario: Scenario, descriptions: Descriptions) -> bool:
     """True if the error was measured of this scenario as it is, with these FMUs."""
-    file = measured_file(scenario)
-    if not os.path.lexists(file):
-        return False
-    with suppress(OSError, ValueError):
-        content = read_json(file)
-        return (
-            isinstance(content, Mapping) and is_sealed(content) and content.get("of") == subject(scenario, descriptions)
-        )
-    return False
+    found = facts_beside(measured_file(scenario))
+    return is_sealed(found) and bool(found.get("of") == subject(scenario, descriptions))
 
 
 def subject(scenario: Scenario, descriptions: Descriptions) -> Any:

@@ -15,7 +15,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from gapsense._os.files import refuse_unwritable, sealed, write_atomically, write_json
+from gapsense._os.files import refuse_export, refuse_unwritable, sealed, write_atomically, write_json
 from gapsense.cosim.check import check_size, is_sampled, measured_file, memory, prepare, subject, within
 from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.result.compare import Rows, moved
@@ -24,7 +24,7 @@ from gapsense.cosim.run.run import isolated, run_prepared
 from gapsense.cosim.scenario.read import Source
 from gapsense.cosim.scenario.records import Component, Scenario, Vector, reached, recorded_signals
 from gapsense.cosim.show import convergence_figure, convergence_text
-from gapsense.problems import FmuError, InputError, ScenarioError, listing, suggest
+from gapsense.problems import FmuError, ScenarioError, listing, suggest
 from gapsense.shipped import is_installed
 
 Progress = Callable[[int, int], None]
@@ -37,6 +37,7 @@ RATIOS = 2  # of changes that have to give the same order
 ORDERS, APART = (0.5, 8.0), 0.25  # orders that are believed, and by how much two in a row may differ
 FINEST_QUANTUM = 2.0**-24  # in the range of a signal; converters are no finer
 EDGE_ROWS = 1  # by which an edge may come earlier or later
+EXPORTED = (".csv", ".json")
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ class Convergence:
     def export(self, file: str | Path) -> Path:
         """Write a row per signal to a CSV file, or all of it to a JSON file, as the name ends."""
         path = Path(file)
-        check_export(path)
+        refuse_export(path, *EXPORTED)
         write_atomically(path, lambda out: (write_json if path.suffix == ".json" else write_rows)(out, self.facts()))
         return path
 
@@ -151,12 +152,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
     return str(value) if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def check_export(file: Path) -> None:
-    """Raise an InputError for a file whose ending is no format of an export."""
-    if file.suffix not in (".csv", ".json"):
-        raise InputError([f"--export: `{file}` found, a file expected that ends in `.csv` or `.json`. Correct it."])
 
 
 def write_rows(file: TextIO, facts: Mapping[str, Any]) -> None:
@@ -298,10 +293,7 @@ def once(scenario: Scenario, descriptions: dict[str, Description], progress: Pro
     try:
         result = run_prepared(scenario, descriptions, progress=progress)
     except FmuError as error:
-        hint = f"This run has a base step of {scenario.experiment.base_step:.9g} s."
-        raise FmuError(
-            error.instance, f"{error.cause} {hint}", time=error.time, step=error.step, log=error.log
-        ) from error
+        raise error.adding(f"This run has a base step of {scenario.experiment.base_step:.9g} s.") from error
     if result.interrupted:
         raise KeyboardInterrupt
     return result

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators.kalman import mean, normalised, surprise
+from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import clip, cond, fabs, floor, load, loop, not_, sqrt, square, store, where
 
@@ -17,13 +18,14 @@ OPERATIONS = 3.0  # takeoffs until a sign is forgotten: between them lie a motio
 EARLY = 0.18  # share of the stroke that may be left when the contact closes
 EARLIER, LATER = 0.08, 0.15  # how much more than usual that may be; share of an operation with less in what is usual
 PULL = 0.5  # share of the spring's force with which a stop may seem to hold the mover back
-FEW, KNOWN = 10.0, 20.0  # operations after which what is usual is used, and after which it is known
-FIRST_WIDER, WIDER = 1.5, 0.45  # how far a mean may be beyond the usual range, in this: before it is known, and then
-SLACK = 0.2  # and so many deviations more
+FEW, KNOWN = 4.0, 20.0  # operations after which what is usual is used, and after which they may be called alike
+ALIKE = 4.0  # largest range of a part in operations that are alike but for noise [deviations]
+RARE = 6e-4  # probability that a mean is too far beyond those of other operations where they are not alike
+WIDER, SLACK = 0.45, 0.2  # how far it may be beyond them in any case: part of the range, and so many deviations more
 MOST = 1e3  # deviations as which a larger error of the model's current counts
 PARTS, PER_MEAN = 24, 4.0  # of an operation, and how many of them are as long as `Limits.samples`
 RESTING = PARTS // 2  # the part that begins at an edge of the voltage, before which the mover may rest for any time
-RISE, FALL = 0.5, 0.005  # share of an operation in what is usual, if it has more or less
+FALL = 0.005  # share of an operation in what is usual, if it has less; one that has more is usual from then on
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
 
 
@@ -87,6 +89,7 @@ class Usual(NamedTuple):
     has_edge: Annotated[Scalar, Whole(0, 1)]  # flag: there was one
     operations: Annotated[Scalar, Count]  # from which it is known what is usual
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
+    spread: Scalar  # largest range of a part that is not repeated [deviations of the noise]
     innovation: Scalar  # takeoffs until this sign is forgotten, as the following
     other: Scalar
     seen: Annotated[Array, Memory(2 * PARTS)]  # in this operation
@@ -178,10 +181,12 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
     ends = (later > part) | now.is_edge
     half, first = before.has_edge * RESTING, where(before.left > 2.0, 2.0 * PARTS, 0.0)
     part = half + clip(part, 0.0, RESTING - 1.0)
-    more = where(before.operations < KNOWN, FIRST_WIDER, WIDER)
 
     def ended() -> tuple[Array, Scalar]:
         above, below = (_most(before.usual, first, part, half, k * PARTS) for k in (0, 1))
+        is_alike = (before.operations >= KNOWN) & (before.spread <= ALIKE)
+        n = larger(floor(0.5 * before.operations), 0.5 * FEW)
+        more = where(is_alike, WIDER, larger(beyond(n), WIDER))
         most = more * (above + below - 2.0 * MOST) + SLACK
         is_beyond = (MOST + biased > above + most) | (MOST - biased > below + most)
         is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(before.usual, first + part) > 0.0)
@@ -192,10 +197,10 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
 
     seen, is_other = cond(ends, ended, lambda: (before.seen, 0.0))
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
-    seen, usual = cond(
+    seen, usual, spread = cond(
         is_over,
-        lambda: _begun(seen, before.usual, first, is_learnt, before.operations >= KNOWN),
-        lambda: (seen, before.usual),
+        lambda: _begun(seen, before, first, is_learnt),
+        lambda: (seen, before.usual, before.spread),
     )
     return Usual(
         surprise=surprised,
@@ -204,11 +209,20 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
         has_edge=where(is_over, 0.0, where(now.is_edge, 1.0, before.has_edge)),
         operations=before.operations + where(is_over & is_learnt, 1.0, 0.0),
         left=where(is_over, now.leaves, before.left),
+        spread=spread,
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),
         other=lasting(before.other, is_other > 0.0, is_over),
         seen=seen,
         usual=usual,
     )
+
+
+def beyond(n: Scalar) -> Scalar:
+    """How far a value may be beyond `n` others, in their range: k, so that 2 / (n + 1) (1 + k)^(1 - n) is `RARE`.
+
+    That is the probability that it is farther, if all are spread evenly between two bounds that nobody knows.
+    """
+    return exp(log(2.0 / (RARE * (n + 1.0))) / (n - 1.0)) - 1.0
 
 
 def _most(usual: Array, first: Scalar, part: Scalar, half: Scalar, k: int) -> Scalar:
@@ -217,18 +231,20 @@ def _most(usual: Array, first: Scalar, part: Scalar, half: Scalar, k: int) -> Sc
     return larger(larger(before, after), load(usual, first + part, k))
 
 
-def _begun(seen: Array, usual: Array, first: Scalar, is_learnt: Scalar, is_known: Scalar) -> tuple[Array, Array]:
-    """Nothing seen; what is usual with an operation more: the most of the first ones, then slowly less, faster more."""
+def _begun(seen: Array, before: Usual, first: Scalar, is_learnt: Scalar) -> tuple[Array, Array, Scalar]:
+    """Nothing seen; what is usual with an operation more: the most so far, slowly less; and its spread."""
 
-    def one(seen: Array, usual: Array, k: Scalar) -> tuple[tuple[Array, Array, Scalar], Scalar]:
-        new, old = load(seen, k), load(usual, first + k)
-        is_first, is_more = not_(old > 0.0), new > old
-        share = where(is_known & not_(is_first), where(is_more, RISE, FALL), where(is_more, 1.0, 0.0))
-        learnt = where(is_learnt & (new > 0.0), old + share * (new - old), old)
-        return (store(seen, k, 0.0), store(usual, first + k, learnt), k + 1.0), False
+    def one(seen: Array, usual: Array, spread: Scalar, k: Scalar) -> tuple[tuple[Array, Array, Scalar, Scalar], Scalar]:
+        width = -2.0 * MOST
+        for side in (0, PARTS):
+            new, old = load(seen, k, side), load(usual, first + k, side)
+            learnt = where(is_learnt & (new > 0.0), where(new > old, new, old + FALL * (new - old)), old)
+            seen, usual, width = store(seen, k, 0.0, side), store(usual, first + k, learnt, side), width + learnt
+        is_repeated = (k == RESTING - 1.0) | (k == PARTS - 1.0)
+        return (seen, usual, where(is_repeated, spread, larger(spread, width)), k + 1.0), False
 
-    seen, usual, _ = loop(2 * PARTS, one, (seen, usual, 0.0))
-    return seen, usual
+    seen, usual, spread, _ = loop(PARTS, one, (seen, before.usual, before.spread, 0.0))
+    return seen, usual, spread
 
 
 def larger(a: Scalar, b: Scalar) -> Scalar:

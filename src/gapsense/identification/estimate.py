@@ -73,7 +73,8 @@ def subtract_given(record: Record, offsets: Sequence[str]) -> Record:
 
 def missing(record: Record, found: Mapping[str, Component], name: str) -> str | None:
     """Why an estimator cannot run on a record, and what to do; None if it can."""
-    lacks = {n: [i for i in needed_inputs(c) if i not in signals_of(record)] for n, c in found.items()}
+    known = signals_of(record)
+    lacks = {n: [p.name for p in c.of("input") if not (p.is_optional or p.name in known)] for n, c in found.items()}
     if not lacks[name]:
         return None
     lacking = ", ".join(f"`{i}`" for i in lacks[name])
@@ -81,11 +82,6 @@ def missing(record: Record, found: Mapping[str, Component], name: str) -> str | 
     others = ", ".join(n for n, inputs in lacks.items() if not inputs)
     able = f", or choose an estimator that needs none: {others}" if others else ""
     return f"{name} needs {lacking}, which {record.name} does not have. {remedy}{able}."
-
-
-def needed_inputs(component: Component) -> list[str]:
-    """Inputs that an estimator cannot do without."""
-    return [port.name for port in component.of("input") if not port.is_optional]
 
 
 def foreign(component: Component, values: Mapping[str, Value]) -> str | None:
@@ -163,10 +159,8 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     coil = description.variables.get("coil.resistance")
     resistance = None if coil is None else float(own.get("coil.resistance", coil.start or 0.0))
     units = {n: description.variables[n].unit or "" for n in outputs}
-    starts = {v.name: v.start for v in description.of("parameter") if v.start is not None}
-    return Estimate(
-        name=fmu.stem, outputs=outputs, values=own, units=units, resistance=resistance, unset=unset(starts, own)
-    )
+    left = unset(description.starts, own)
+    return Estimate(name=fmu.stem, outputs=outputs, values=own, units=units, resistance=resistance, unset=left)
 
 
 def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, Value]:

@@ -15,11 +15,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.hum import Hum, hum
 from gapsense.identification.measurements.operations import coarse, starts
 from gapsense.identification.measurements.record import Record, Vector
-from gapsense.identification.measurements.signals import hidden, noise, resolution
+from gapsense.identification.measurements.signals import SIGMAS, hidden, noise, resolution, true_runs
 from gapsense.identification.valve.model import JUMP, Trajectory
+from gapsense.report.table import quantity
 
 EXPLAINED = 1.25  # times the noise
 FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
@@ -36,6 +38,11 @@ CAUSES = {
     "decay": "core losses, which this model does not have, or a drop in the path of the falling current",
     "rest": "an offset of the current",
 }
+MUCH = 0.25  # part of the squares while the coil is held, from which on what creeps there is the cause
+CREEPS = {  # while the coil is held
+    "rises": "a zero of the current that drifts, or a supply that rises by more than the recorded voltage",
+    "falls": "a coil that gets warm, or a zero of the current that drifts",
+}
 
 
 class Residual(NamedTuple):
@@ -48,6 +55,7 @@ class Residual(NamedTuple):
     correlation: float  # of neighbouring residuals; 0 for noise
     places: Mapping[str, float]  # part of the squares, by where they lie
     hum: Hum | None  # of the current at rest, if too much is left, which may be due to it
+    creep: float = 0.0  # by which what is left moves steadily while the coil is held, if it does [A]
 
     @property
     def is_explained(self) -> bool:
@@ -63,18 +71,20 @@ class Residual(NamedTuple):
 def residual(record: Record, model: Trajectory, first: int) -> Residual:
     """What the model, which begins at sample `first`, leaves of a record."""
     i, error = record.current[first:], record.current[first:] - model.current
-    squares, sigma = error**2, noise_of(record, first)
-    rms, limit = float(np.sqrt(squares.mean())), max(EXPLAINED * sigma, _floor(i))
-    found = hum(record) if rms > limit else None
-    places = {name: float(squares[at].sum() / squares.sum()) for name, at in _places(record, model, first).items()}
+    squares, where = error**2, _places(record, model, first)
+    sigma = float(np.hypot(noise_of(record, first), _driven(record, model, first, where["hold"])))
+    left, limit = rms(error), max(EXPLAINED * sigma, _floor(i))
+    found = hum(record) if left > limit else None
+    places = {name: float(squares[at].sum() / squares.sum()) for name, at in where.items()}
     return Residual(
         record=record.name,
-        rms=rms,
+        rms=left,
         noise=sigma,
         limit=limit,
         correlation=float(error[1:] @ error[:-1] / (error @ error)),
         places=places,
-        hum=found if found and rms**2 < sigma**2 + (HUMS * found.amplitude) ** 2 else None,
+        hum=found if found and left**2 < sigma**2 + (HUMS * found.amplitude) ** 2 else None,
+        creep=_creep(error, where["hold"]) if left > limit else 0.0,
     )
 
 
@@ -82,6 +92,37 @@ def noise_of(record: Record, first: int) -> float:
     """Noise of the current: slow noise shows at rest only, and what a converter hides shows nowhere [A]."""
     i = record.current
     return float(max(noise(i), hidden(i), coarse(i), i[:first].std() if first >= REST else 0.0))
+
+
+def _driven(record: Record, model: Trajectory, first: int, hold: npt.NDArray[np.bool_]) -> float:
+    """Noise that the recorded voltage, of a coarse converter above all, makes in the model's current while held [A]."""
+    a, b = _longest(hold)
+    if b - a < 2 * REST:
+        return 0.0
+    late, x = slice((a + b) // 2, b), np.arange(b - (a + b) // 2)
+    i, v = model.current[late], record.voltage
+    moved = float(np.std(i - np.polyval(np.polyfit(x, i, 2), x)))
+    most = max(_of_drive(v, first), np.sqrt(3.0) * rounding(v))  # of a level between two steps, half of one
+    return min(moved, float(most * np.mean(i) / np.mean(v[first:][late])))
+
+
+def _creep(error: Vector, hold: npt.NDArray[np.bool_]) -> float:
+    """How far what is left moves late in the longest hold, if it does so at one pace and is little else; or 0 [A]."""
+    a, b = _longest(hold)
+    if b - a < 4 * REST:
+        return 0.0
+    held = error[a + (b - a) // 4 : b]
+    steps = np.diff([part.mean() for part in np.array_split(held, 4)])
+    chance = SIGMAS * noise(held) * np.sqrt(8.0 / held.size)
+    least, most = np.sort(np.abs(steps))[[0, -1]]
+    whole = float(steps.sum()) * 4.0 / 3.0
+    is_steady = least > max(chance, 0.5 * most) and abs(float(np.sign(steps).sum())) == steps.size
+    return whole if is_steady and abs(whole) > rms(held) else 0.0
+
+
+def _longest(hold: npt.NDArray[np.bool_]) -> tuple[int, int]:
+    """The longest time that the coil is held."""
+    return max(true_runs(hold), key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def is_small(error: Vector, record: Record, first: int) -> bool:
@@ -125,7 +166,13 @@ def verdict(found: Residual, current: str, allowed: str, causes: Mapping[str, st
 
 def cause(found: Residual, causes: Mapping[str, str] = CAUSES) -> str:
     """What has usually gone wrong where such a residual is left."""
-    return hums([found]) or f"the usual cause is {causes[found.worst]}"
+    if said := hums([found]):
+        return said
+    if found.creep and found.places["hold"] > MUCH:
+        moves = "rises" if found.creep > 0.0 else "falls"
+        by = quantity(abs(found.creep), "A")
+        return f"while the coil is held it {moves} steadily by {by}: the usual cause is {CREEPS[moves]}"
+    return f"the usual cause is {causes[found.worst]}"
 
 
 def hums(found: Sequence[Residual]) -> str:

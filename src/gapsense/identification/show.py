@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,15 +43,16 @@ def compare(record: Record, model: Trajectory, first: int) -> Validation:
     )
 
 
-def about(record: Record) -> list[str]:
-    """Sentences on what was done to a record, and on what is odd about it."""
+def about(*records: Record) -> Iterator[str]:
+    """Sentences on what was done to records, and on what is odd about them."""
     units = {"voltage": "V", "current": "A"}
-    told = [
-        f"{record.name}: `{name}` is {quantity(o.value, units[name])} +- {quantity(o.error, units[name])} at rest,"
-        " before the first operation; this offset is subtracted."
-        for name, o in record.offsets.items()
-    ]
-    return told + [f"{record.name}: {text}" for text in record.remarks]
+    for record in records:
+        for name, o in record.offsets.items():
+            yield (
+                f"{record.name}: `{name}` is {quantity(o.value, units[name])} +- {quantity(o.error, units[name])} at"
+                " rest, before the first operation; this offset is subtracted."
+            )
+        yield from (f"{record.name}: {text}" for text in record.remarks)
 
 
 def untold(given: Collection[str], accuracy: Collection[str] = (), how: str = "") -> str:

@@ -17,7 +17,7 @@ from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of
 from gapsense.cosim.scenario.fingerprint import deciding, facts
-from gapsense.cosim.scenario.read import STUDY, by_port, other_kind, read_draft, read_rows, scenario_file, split
+from gapsense.cosim.scenario.read import STUDY, other_kind, read_draft, read_lists, read_rows, scenario_file, split
 from gapsense.cosim.scenario.records import MOST_RUNS, SECTION, Port, RowsColumn, Scenario, product, signals
 from gapsense.many.columns import OWN, columns_of
 from gapsense.many.draws import DISTRIBUTIONS, points
@@ -27,7 +27,7 @@ from gapsense.many.worker import Many, thrifty
 from gapsense.parameters import is_file, located
 from gapsense.problems import ScenarioError
 from gapsense.shipped import example
-from gapsense.tables import LIST, TABLES, Table, Value, read_toml
+from gapsense.tables import TABLES, Table, Value, read_toml
 
 
 @dataclass(frozen=True)
@@ -126,13 +126,8 @@ class Reader:
     def grid(self) -> Iterator[Block]:
         """Lists, each a block of its own."""
         grid = self.table.table("grid")
-        for port, values in by_port(grid, grid.flat(LIST)).items():
-            name = str(port)
-            if len(set(values)) < len(values):
-                grid.note(name, "the same value is given twice. Remove one.")
-            given = [located(name, value, self.folder, grid) for value in values]
-            self.files += [Path(str(value)) for value in given if is_file(name, value)]
-            yield from self.known(grid.at(name), {port: given})
+        for port, values in read_lists(grid, self.folder, self.files).items():
+            yield from self.known(grid.at(str(port)), {port: values})
 
     def ranges(self) -> Iterator[Block]:
         """Values at even distances, each range a block of its own."""

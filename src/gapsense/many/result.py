@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense._os.files import header, naming, prepared, rename
+from gapsense._os.files import header, naming, prepared, refuse_export, rename
 from gapsense.cosim.scenario.read import CAMPAIGN, other_kind
 from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
 from gapsense.cosim.show import pages
@@ -171,8 +171,7 @@ CSV, PARQUET = ".csv", ".parquet"
 
 def check_export(file: Path) -> None:
     """Raise an InputError for a file that nothing can be written to, or that needs what is not installed."""
-    if file.suffix not in (CSV, PARQUET):
-        raise InputError([f"--export: `{file}` found, a file expected that ends in `.csv` or `.parquet`. Correct it."])
+    refuse_export(file, CSV, PARQUET)
     if file.suffix == PARQUET:
         required("pyarrow")
 

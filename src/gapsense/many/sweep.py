@@ -16,19 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import (
-    SEAL,
-    Columns,
-    is_sealed,
-    prepared,
-    read_json,
-    refuse_unwritable,
-    rename,
-    sealed,
-    sha256,
-    write_columns,
-    write_json,
-)
+from gapsense._os.files import SEAL, Columns, facts_beside, is_sealed, refuse_unwritable, sha256, write_with_facts
 from gapsense._os.importable import facts
 from gapsense._os.workers import Progress
 from gapsense.cosim.check import prepare
@@ -258,12 +246,8 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
 
 def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:
     """Write both files; `plan` is what the sweep goes through."""
-    table, failed = columns(result), {run: plan.named(run) for run in result.errors}
-    with prepared(path, lambda file: write_columns(file, table, result.units)) as part:
-        content = sealed({**about, **sidecar(result, failed), "sha256": sha256(part)})
-        with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
-            rename(part, path)
-            rename(beside, path.with_suffix(".json"))
+    told = {**about, **sidecar(result, {run: plan.named(run) for run in result.errors})}
+    write_with_facts(path, columns(result), result.units, lambda digest: {**told, "sha256": digest})
 
 
 def columns(result: Sweep) -> Columns:
@@ -286,13 +270,13 @@ def sidecar(result: Sweep, failed: Mapping[int, Mapping[str, Value]]) -> dict[st
 
 def is_table(path: Path) -> bool:
     """True for the CSV of a sweep, by what is beside it; also for one of an older version, by its name."""
-    data = beside(path)
+    data = facts_beside(path)
     return path.suffix == ".csv" and (data.get("format") == FORMAT if data else path.stem.endswith("_sweep"))
 
 
 def read_sidecar(path: Path) -> dict[str, Any]:
     """What is told beside the table `path`; an InputError if the two do not fit."""
-    data = beside(path)
+    data = facts_beside(path)
     if not {*data} >= NEEDED:
         raise InputError([f"{path}: `{path.stem}.json` beside it is missing, or incomplete. {AGAIN}."])
     if not is_sealed(data):
@@ -300,12 +284,3 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     if sha256(path) != data.get("sha256"):
         raise InputError([f"{path}: it is not the table that belongs to `{path.stem}.json`. {AGAIN}."])
     return data
-
-
-def beside(path: Path) -> dict[str, Any]:
-    """Content of the JSON file beside a table; nothing if there is none that can be read."""
-    try:
-        data = read_json(path.with_suffix(".json"))
-    except (OSError, ValueError):
-        return {}
-    return data if isinstance(data, dict) else {}

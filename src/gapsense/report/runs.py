@@ -10,6 +10,7 @@ from rich.table import Table
 
 from gapsense.problems import number_of
 from gapsense.report.table import add_row, quantity, table
+from gapsense.tables import is_number
 
 if TYPE_CHECKING:
     from gapsense.cosim import Growth, Outcome, Result, Scenario, Sweep
@@ -88,8 +89,7 @@ def by_value(scenario: Scenario, swept: Sweep, groups: Mapping[tuple[Value, ...]
 
 def cell(value: Value, unit: str) -> str:
     """A swept value, as it was given."""
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return f"{value:.9g} {unit}".strip() if is_number else str(value)
+    return f"{value:.9g} {unit}".strip() if is_number(value) else str(value)
 
 
 def published(value: float | None, unit: str) -> str:

@@ -27,7 +27,7 @@ from gapsense.ssp.structure import SINKS, Connector, Element, Link, Place, read_
 from gapsense.ssp.units import Line, Units, conversion, read_units, together, units_of
 from gapsense.ssp.values import Given, Node, Reader
 from gapsense.ssp.words import DESCRIPTION, OSP, OWN, numbered, tag
-from gapsense.tables import Value
+from gapsense.tables import Value, is_number
 
 FMUS, FILES = "fmus", "files"  # folders beside the scenario
 
@@ -338,8 +338,7 @@ class Maker:
 
 def converted(value: Value, line: Line) -> Value:
     """A value after a line; what is no number has none."""
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return line.of(float(value)) if is_number and line != Line() else value
+    return line.of(float(value)) if is_number(value) and line != Line() else value
 
 
 def plain_names(paths: list[Place]) -> dict[Place, str]:

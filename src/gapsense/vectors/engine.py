@@ -36,7 +36,7 @@ def obstacle(subject: Subject) -> str:
     if any(c.board for c in components.values()):
         return "A component is on a board (`board`)."
     if own_compiler() is None:
-        return "There is no C compiler, neither the one that `CC` names nor `cc`, `gcc` or `clang`."
+        return "There is no C compiler, neither the one that `CC` names nor `cc`, `gcc`, `clang` or ziglang's."
     foreign = [f"`{name}` ({d.path.name})" for name, d in subject.descriptions.items() if not is_ours(d)]
     if foreign:
         return f"These FMUs are not from this version: {', '.join(foreign)}. Build them with `gapsense build`."

@@ -29,6 +29,7 @@ from gapsense.kernels.layout import fields, names
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
 Int, Size, Long, Pointer = ctypes.c_int, ctypes.c_ssize_t, ctypes.c_int64, ctypes.c_void_p
+CLOCK = ("time", "dt")  # inputs of a kernel that the loop gives
 MADE = structures(with_types(SOURCE.read_text("utf-8")), Column=Column)
 Call, Link, Stage, Range, Watch, Part = (MADE[name] for name in ("Call", "Link", "Stage", "Range", "Watch", "Part"))
 Loop, Runs, Signal = MADE["Loop"], MADE["Runs"], MADE["Signal"]
@@ -44,13 +45,23 @@ def filled(structure: Any, **fields: Any) -> Any:
 
 
 class Functions(NamedTuple):
-    """The port table of a component, and the functions of its kernel with their addresses in C."""
+    """The functions of a kernel with their addresses in C, and the port table of its component, if it has one."""
 
-    component: Component
-    folder: Path
     kernel: Kernel
     codes: OverRuns
     addresses: tuple[int, ...]  # of the functions in `codes`
+    component: Component = Component("", "", "", (), survives=True)
+    folder: Path = Path()
+
+    @property
+    def inputs(self) -> list[str]:
+        """Flat inputs that can be connected, in order."""
+        return [name for name in names(self.kernel.module.Inputs) if name not in CLOCK]
+
+    @property
+    def outputs(self) -> list[str]:
+        """Flat outputs, in order."""
+        return names(self.kernel.module.Outputs)
 
 
 @cache
@@ -58,12 +69,15 @@ def functions(name: str) -> Functions | None:
     """Those of one of our components, compiled; None where no compiler is."""
     folder = own(name)
     component = load_component(folder)
-    kernel = kernel_of(component)
+    found = of_kernel(kernel_of(component))
+    return found and found._replace(component=component, folder=folder)
+
+
+def of_kernel(kernel: Kernel) -> Functions | None:
+    """Those of a kernel, compiled; None where no compiler is."""
     codes = over_runs(kernel)
     found = addresses(codes)
-    if found is None:
-        return None
-    return Functions(component=component, folder=folder, kernel=kernel, codes=codes, addresses=tuple(found))
+    return None if found is None else Functions(kernel=kernel, codes=codes, addresses=tuple(found))
 
 
 @cache
@@ -122,10 +136,9 @@ class Places(NamedTuple):
 
 def places(found: Functions, room: Room, buffered: int, own: int, output: int) -> Places:
     """Places of a component whose inputs and outputs have theirs."""
-    module, inputs = found.kernel.module, len(found.component.of("input"))
-    time = room.take(2)
-    clock = [name for name in ("time", "dt") if name in fields(module.Inputs)]
-    given = [*(time + ("time", "dt").index(name) for name in clock), *range(own, own + inputs)]
+    module, time = found.kernel.module, room.take(2)
+    clock = [name for name in CLOCK if name in fields(module.Inputs)]
+    given = [*(time + CLOCK.index(name) for name in clock), *range(own, own + len(found.inputs))]
     kinds, entries = fields(module.Parameters), names(module.Parameters)
     is_table = [name in kinds and kinds[name].kind == "table" for name in entries]
     par = [room.column(0) if is_one else room.take(1) for is_one in is_table]
@@ -133,7 +146,7 @@ def places(found: Functions, room: Room, buffered: int, own: int, output: int) -
         room.column(len(entry)) if isinstance(entry, list) else room.take(1)
         for entry in results(found.codes.initial)[: len(names(module.State))]
     ]
-    made = [*state, *range(output, output + len(found.component.of("output")))]
+    made = [*state, *range(output, output + len(found.outputs))]
     constants = [*of_constants(found.codes.constants, par, room)]
     calls = [
         called(found, 0, [*given, *par], made),
@@ -157,19 +170,19 @@ def of_constants(code: Code, par: Sequence[int], room: Room) -> Iterator[int]:
 def structure(p: Places, period: float, **more: Any) -> Any:
     """Structure of a component in C, with `more` of its fields; `period` is that of its samples or steps [s]."""
     initial, constants, advance = p.calls
-    component = p.functions.component
+    found = p.functions
     return filled(
         Part,
         constants=constants,
         initial=initial,
         advance=advance,
         ranges=ranges(p),
-        survives=component.survives,
+        survives=found.component.survives,
         buffered=p.buffered,
         own=p.own,
-        input_count=len(component.of("input")),
+        input_count=len(found.inputs),
         output=p.output,
-        output_count=len(component.of("output")),
+        output_count=len(found.outputs),
         time=p.time,
         dt=p.time + 1,
         period=period,
@@ -241,7 +254,7 @@ def filtered(
     runs, samples = inputs[0].shape
     data, failed = np.empty((runs, len(chosen), samples)), np.zeros(runs, dtype=bool)
     room, c = Room(0), loop()
-    lost, own, output = map(room.take, (1, len(inputs), len(found.component.of("output"))))
+    lost, own, output = map(room.take, (1, len(inputs), len(found.outputs)))
     at = places(found, room, own, own, output)
     part, grid = structure(at, step), Loop(start=start, base_step=step, failed=lost)
     signals = (Signal * len(inputs))(*(Signal(x.ctypes.data, *x.strides) for x in inputs))

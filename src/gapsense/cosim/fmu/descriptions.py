@@ -291,6 +291,11 @@ class Description:
         return [v for v in self.variables.values() if v.causality == causality]
 
     @property
+    def starts(self) -> dict[str, Value]:
+        """Start values of the parameters that have one."""
+        return {v.name: v.start for v in self.of("parameter") if v.start is not None}
+
+    @property
     def is_random(self) -> bool:
         """True if it has an Integer `seed`: with other steps it draws other random numbers."""
         seed = self.variables.get("seed")

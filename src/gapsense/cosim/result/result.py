@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import prepared, read_columns, rename, sealed, sha256, write_columns, write_json
+from gapsense._os.files import read_columns, write_with_facts
 from gapsense.cosim.result.metrics import KINDS, Measured
 from gapsense.cosim.result.sidecar import FORMAT, absolute, read_whole, relative
 from gapsense.cosim.scenario.records import Metric, Span, Vector
@@ -182,18 +182,13 @@ class Result:
     def save(self, path: str | Path) -> Path:
         """Write `path` (CSV) and its side-car of the same name (JSON), which tells the hash of the CSV.
 
-        The folder is made if there is none. Both files are written before one of them takes its place: if that fails,
-        what was there before is still whole. A kill between them leaves two files that do not fit, which `read_result`
-        refuses.
+        The folder is made if there is none. Both files are written before one of them takes its place. A kill between
+        leaves two that do not fit, which `read_result` refuses.
         """
         path = Path(path).with_suffix(".csv")
         path.parent.mkdir(parents=True, exist_ok=True)
         columns, units = {"time": self.times, **self.signals}, {**TIME, **self.units}
-        with prepared(path, lambda file: write_columns(file, columns, units)) as table:
-            content = sealed(self.sidecar(sha256(table), path.parent))
-            with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as sidecar:
-                rename(table, path)
-                rename(sidecar, path.with_suffix(".json"))
+        write_with_facts(path, columns, units, lambda digest: self.sidecar(digest, path.parent))
         return path
 
     def sidecar(self, digest: str, folder: Path) -> dict[str, Any]:

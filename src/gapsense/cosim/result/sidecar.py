@@ -9,7 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from gapsense._os.files import SEAL, is_sealed, read_bytes, read_json
+from gapsense._os.files import SEAL, facts_beside, is_sealed, read_bytes
 from gapsense.cosim.scenario.read import RESULT, missing, other_kind, scenario_file
 from gapsense.problems import InputError
 
@@ -60,11 +60,8 @@ def is_whole(path: Path) -> bool:
 
 def read_sidecar(path: Path) -> dict[str, Any] | None:
     """Side-car of the result `path` (CSV), or None if there is none that is whole; the CSV is not looked at."""
-    try:
-        data = read_json(path.with_suffix(".json"))
-    except (OSError, ValueError):
-        return None
-    if not isinstance(data, dict) or data.get("format") not in (FORMAT, OLDER, OLD):
+    data = facts_beside(path)
+    if data.get("format") not in (FORMAT, OLDER, OLD):
         return None
     return data if is_sealed(data) or (data["format"] != FORMAT and SEAL not in data) else None
 

@@ -307,10 +307,8 @@ class Director:
 
 def explained(error: FmuError, events: Sequence[str]) -> FmuError:
     """The error of a component, with the events that gave it NaN just then."""
-    if not events:
-        return error
-    cause = f"{error.cause} Event {listing(events)} gives it NaN. If it does not accept NaN, use `stuck`."
-    return FmuError(error.instance, cause, time=error.time, step=error.step, log=error.log)
+    told = f"Event {listing(events)} gives it NaN. If it does not accept NaN, use `stuck`."
+    return error.adding(told) if events else error
 
 
 def watch(event: Event, places: Layout) -> Watch | None:

@@ -161,8 +161,7 @@ class Sweep:
         except FmuError as error:
             if not self.best[1]:
                 raise
-            cause = f"{error.cause} It fails in a trial: {self.unsolved()}"
-            raise FmuError(error.instance, cause, time=error.time, step=error.step, log=error.log) from error
+            raise error.adding(f"It fails in a trial: {self.unsolved()}") from error
         return ""
 
     def search(self, act: Act) -> None:

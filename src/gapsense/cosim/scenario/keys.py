@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +11,11 @@ from gapsense.cosim.scenario.records import ACTIONS, INTERPOLATIONS, ISOLATIONS,
 from gapsense.parameters import is_file
 from gapsense.tables import TYPES, Key, Section, parsed
 
-
-def is_any(name: str, text: str) -> bool:
-    """True: the text is a path."""
-    return True
-
-
-def is_fmu(name: str, text: str) -> bool:
-    """True for the path of an FMU; without its ending it is the name of one."""
-    return text.endswith(".fmu")
-
-
-PATHS = {"any": is_any, "fmu": is_fmu, "file": is_file}
+PATHS: dict[str, Callable[[str, str], bool]] = {  # whether a key of some name has a text that is a path
+    "any": lambda name, text: True,
+    "fmu": lambda name, text: text.endswith(".fmu"),  # without its ending it is the name of one
+    "file": is_file,
+}
 
 
 def read_sections(file: Path, choices: Mapping[str, Collection[str]]) -> dict[str, Section]:

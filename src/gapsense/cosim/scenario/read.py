@@ -19,9 +19,9 @@ from gapsense._os.files import (
     LONGEST_NAME,
     SHOWN,
     Sheet,
+    facts_beside,
     no_numbers,
     number,
-    read_bytes,
     read_sheet,
     split_header,
     unfit,
@@ -139,11 +139,7 @@ def kind_of(path: Path) -> str:
 
 def format_of(file: Path) -> str:
     """What a JSON file of ours is of: a result, a sweep, a campaign; nothing for another file."""
-    try:
-        data = json.loads(read_bytes(file))
-    except (OSError, ValueError):
-        return ""
-    words = str(data.get("format", "") if isinstance(data, dict) else "").split()
+    words = str(facts_beside(file).get("format", "")).split()
     return words[1] if len(words) == 3 and words[0] == "gapsense" else ""
 
 
@@ -660,12 +656,7 @@ def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Row
     """Lists of values that a sweep goes through, by parameter, and values that belong together; notes their files."""
     sweep = table.table("sweep")
     file = sweep.read(SECTIONS["sweep"])[ROWS]
-    lists = sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, "").flat(LIST)
-    for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
-        sweep.note(name, "the same value is given twice. Remove one.")
-        del lists[name]
-    grid = {n: tuple(located(n, value, folder, sweep) for value in values) for n, values in lists.items()}
-    files += [Path(str(value)) for name, values in grid.items() for value in values if is_file(name, value)]
+    grid = read_lists(sweep.child({key: value for key, value in sweep.data.items() if key != ROWS}, ""), folder, files)
     rows, columns = Rows(), RowsColumns()
     if file is not None:
         files.append(folder / file)
@@ -674,7 +665,18 @@ def read_sweep(table: Table, folder: Path, files: list[Path]) -> tuple[Grid, Row
     if math.prod(sizes) > MOST_RUNS:
         sweep.note("", f"{product(sizes)} combinations found, at most {MOST_RUNS} expected. Shorten something.")
         grid = {}
-    return by_port(sweep, grid), rows, columns
+    return grid, rows, columns
+
+
+def read_lists(table: Table, folder: Path, files: list[Path]) -> Grid:
+    """Lists of values by parameter; one with a value twice is noted and left out. Notes the files that they name."""
+    lists = table.flat(LIST)
+    for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
+        table.note(name, "the same value is given twice. Remove one.")
+        del lists[name]
+    grid = {n: tuple(located(n, value, folder, table) for value in values) for n, values in lists.items()}
+    files += [Path(str(value)) for name, values in grid.items() for value in values if is_file(name, value)]
+    return by_port(table, grid)
 
 
 def read_rows(path: Path, sweep: Table, files: list[Path], components: Collection[str]) -> tuple[Rows, RowsColumns]:
@@ -840,13 +842,9 @@ def read_events(table: Table, changes: Mapping[str, Any]) -> dict[str, Event]:
         events.note(name, "an event's name is letters, digits and `_`, not starting with a digit. Rename it.")
     read = {name: read_event(events.table(name), name, own(changes, name)) for name in good}
     for name in [name for name in changes if name.partition(".")[0] not in good]:
-        events.note(name, unknown(name, good))
+        event = name.partition(".")[0]
+        events.note(name, f"there is no event `{event}`. {suggest(event, good)}")
     return {name: event for name, event in read.items() if event}
-
-
-def unknown(name: str, known: Iterable[str]) -> str:
-    """Sentence for the key of an event that there is not."""
-    return f"there is no event `{name.partition('.')[0]}`. {suggest(name.partition('.')[0], known)}"
 
 
 def own(values: Mapping[str, Any], name: str) -> dict[str, Any]:

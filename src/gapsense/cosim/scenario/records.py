@@ -573,7 +573,7 @@ def execution_order(
         return order_of_loops(names, connections)
     left, done, delayed = list(names), [], [c for c in connections if c.delayed]
     ways = [
-        turned(c) if c.delayed else c
+        replace(c, source=c.target, target=c.source) if c.delayed else c
         for c in connections
         if not (c.delayed and c.source.component == c.target.component)
     ]
@@ -581,12 +581,13 @@ def execution_order(
         edges = [c for c in ways if {c.source.component, c.target.component} <= set(left)]
         direct = [c for c in edges if c.delayed or c.target.variable in descriptions[c.target.component].direct_inputs]
         driven = {c.target.component for c in edges}
-        chosen = next((name for name in left if name not in driven), None) or first_cut(left, edges, direct)
-        if chosen is None:
+        waiting = {c.target.component for c in direct}
+        free = [n for n in left if n not in driven] or [n for n in first_loops(left, edges) if n not in waiting]
+        if not free:
             raise FeedthroughCycleError(find_cycle(left, direct))
-        delayed += [c for c in edges if c.target.component == chosen]
-        left.remove(chosen)
-        done.append(chosen)
+        delayed += [c for c in edges if c.target.component == free[0]]
+        left.remove(free[0])
+        done.append(free[0])
     return Order(tuple(done), tuple(delayed))
 
 
@@ -597,7 +598,7 @@ def order_of_loops(names: Sequence[str], connections: Sequence[Connection]) -> O
         edges = [c for c in connections if not c.delayed and {c.source.component, c.target.component} <= set(left)]
         driven = {c.target.component for c in edges}
         chosen = next((name for name in left if name not in driven), None)
-        loop = [chosen] if chosen else first_loop(left, edges)
+        loop = [chosen] if chosen else next(iter(first_loops(left, edges).values()))
         inside = list(loop)
         while inside:
             waits = {name: {c.source for c in edges if c.target.component == name} for name in inside}
@@ -610,25 +611,11 @@ def order_of_loops(names: Sequence[str], connections: Sequence[Connection]) -> O
     return Order(tuple(done), tuple(c for c in connections if c.delayed), tuple(loops))
 
 
-def first_loop(left: Sequence[str], edges: Sequence[Connection]) -> list[str]:
-    """The first components in each other's loop that nothing else drives."""
+def first_loops(left: Sequence[str], edges: Sequence[Connection]) -> dict[str, list[str]]:
+    """The loop of each component that is in one which nothing outside of it drives."""
     ahead = {name: reached(name, edges) for name in left}
-    behind = {name: {other for other in left if name in ahead[other]} for name in left}
-    first = next(name for name in left if behind[name] <= ahead[name])
-    return [name for name in left if name in behind[first]]
-
-
-def turned(connection: Connection) -> Connection:
-    """The way from target to source."""
-    return replace(connection, source=connection.target, target=connection.source)
-
-
-def first_cut(left: Sequence[str], edges: Sequence[Connection], direct: Sequence[Connection]) -> str | None:
-    """First component of a loop that nothing outside it drives, all of whose waiting inputs lack feedthrough."""
-    waiting = {c.target.component for c in direct}
-    ahead = {name: reached(name, edges) for name in left}
-    behind = {name: {other for other in left if name in ahead[other]} for name in left}
-    return next((name for name in left if name not in waiting and behind[name] <= ahead[name]), None)
+    behind = {name: [other for other in left if name in ahead[other]] for name in left}
+    return {name: behind[name] for name in left if {*behind[name]} <= ahead[name]}
 
 
 def reached(name: str, edges: Collection[Connection]) -> set[str]:
@@ -648,12 +635,7 @@ def find_cycle(left: Sequence[str], direct: Sequence[Connection]) -> list[Connec
     seen: list[str] = []
     while on_cycle not in seen:
         seen.append(on_cycle)
-        path.append(next(c for c in direct if c.target.component == on_cycle and closes(c, direct)))
+        onward = reached(on_cycle, direct)
+        path.append(next(c for c in direct if c.target.component == on_cycle and c.source.component in onward))
         on_cycle = path[-1].source.component
     return path[seen.index(on_cycle) :][::-1]
-
-
-def closes(connection: Connection, direct: Sequence[Connection]) -> bool:
-    """True if the connection lies on a loop of direct feedthrough."""
-    source, target = connection.source.component, connection.target.component
-    return source == target or source in reached(target, direct)

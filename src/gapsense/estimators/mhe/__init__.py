@@ -1,4 +1,4 @@
 """Moving-horizon estimator: `model` runs on the voltage, `window` passes it through samples, `solve` corrects it.
 
-The kernel is `mhe`; `watch` judges readings and operations. Numbers like (5) are those of `fmus/mhe/page.md`.
+The kernel is `mhe`. Numbers like (5) are those of `fmus/mhe/page.md`.
 """

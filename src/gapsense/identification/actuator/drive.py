@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.estimators.mhe.mhe import SAME
 from gapsense.estimators.mhe.model import Parameters
-from gapsense.estimators.mhe.watch import SAME
 from gapsense.estimators.readings import JUMP
 from gapsense.identification.measurements.operations import coarse, starts
 from gapsense.identification.measurements.prepare import remaining

@@ -201,14 +201,13 @@ def actuator_tables(
             name, unit = PORTS[field].name, PORTS[field].unit
             values = [quantity(float(getattr(par, field)), unit) for par in (before, result.parameters)]
         rows.append((name, *values, percent(error), "assumed" if name in assumed else note))
-    records = [*(drive.record for drive in result.drives), *(check.record for check in checks)]
     return [
         table("Parameters", HEADS, rows),
         *([validation(checks)] if checks else []),
         *assumptions(known, assumed),
         untold([name for name in (*STOPS, "coil.turns") if name not in assumed]),
         *remarks(result, before),
-        *(text for record in records for text in about(record)),
+        *about(*(drive.record for drive in result.drives), *(check.record for check in checks)),
     ]
 
 

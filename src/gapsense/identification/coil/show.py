@@ -102,7 +102,7 @@ SMALL = 0.01  # difference of resistances that a warm coil need not explain
 
 def coil_tables(result: Coil, turns: float, checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
-    told = [text for record in (*result.records, *(c.record for c in checks)) for text in about(record)]
+    told = about(*result.records, *(c.record for c in checks))
     after: list[Table | str] = [validation(checks), *warmth(result, checks)] if checks else []
     unknown = [] if turns else [ONE_TURN]
     return [forms(result), parameters(result, turns), residuals(result), *after, *remarks(result), *unknown, *told]

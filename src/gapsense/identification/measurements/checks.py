@@ -182,7 +182,8 @@ def _spike(record: Record) -> str:
 def operation_problems(record: Record, file: str, period: float | None) -> Iterator[str]:
     """No complete operation, or operations that do not end as they began."""
     found = operations(record, period)
-    if (moved := drift(record)) and (buzz := hum(record)):
+    moved = drift(record)
+    if (moved or not found) and (buzz := hum(record)):
         yield (f"{file}: {buzz.told}: hum of the mains. Shield the sensor's wires, or filter both channels alike.")
     elif moved:
         yield (

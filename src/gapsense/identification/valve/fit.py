@@ -164,8 +164,14 @@ class Identified(NamedTuple):
     @property
     def at_bounds(self) -> list[str]:
         """Parameters at a limit of the search."""
-        is_there = np.abs(self.ratios) > 0.999 * self.form.bounds
+        low, high = self.form.limits
+        is_there = (self.ratios < 0.999 * low) | (self.ratios > 0.999 * high)
         return [name for name, there in zip(self.form.fitted, is_there) if there and name in self.names]
+
+    @property
+    def is_unsaturated(self) -> bool:
+        """Whether the core saturates so little that the search finds no end."""
+        return "core_saturation" in self.at_bounds and self.ratios[self.form.fitted.index("core_saturation")] > 0.0
 
     @property
     def errors(self) -> dict[str, float]:

@@ -75,6 +75,7 @@ LOST = 1.0  # relative standard error
 FACTOR = "coil_factor"  # no parameter of the device, but one on the resistances of (23)
 GUESSED = ("core_eddy", "core_hysteresis", "core_turnover", "gap_window", "gap_area")
 LIMITS = {**dict.fromkeys(GUESSED, WIDE), "core_turnover": 10.0}  # below, hysteresis is friction; beyond, a reluctance
+HIGHEST = {"core_saturation": 100.0}  # upwards: of a core that hardly saturates no guess is near
 
 
 class Form(NamedTuple):
@@ -102,12 +103,13 @@ class Form(NamedTuple):
         return law._replace(offset=offset, numbers=tuple(numbers))
 
     @property
-    def bounds(self) -> Vector:
-        """Largest ratios."""
-        return np.log([self.limit(name) for name in self.fitted])
+    def limits(self) -> tuple[Vector, Vector]:
+        """Smallest and largest ratios."""
+        factors = {name: self.limit(name) for name in self.fitted}
+        return -np.log([*factors.values()]), np.log([HIGHEST.get(name, factor) for name, factor in factors.items()])
 
     def limit(self, name: str) -> float:
-        """Largest factor on a first guess."""
+        """Largest factor on a first guess, and under it."""
         return LIMITS.get(name, BOUND)
 
     def factor(self, ratios: Vector) -> float:

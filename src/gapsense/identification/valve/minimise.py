@@ -77,7 +77,7 @@ class Weighted(NamedTuple):
     @property
     def limits(self) -> tuple[Vector, Vector]:
         """Lowest and highest point."""
-        return -self.form.bounds, self.form.bounds
+        return self.form.limits
 
     def residuals(self, points: Sequence[Vector]) -> Matrix:
         """Weighted ones (points, residuals)."""
@@ -86,7 +86,12 @@ class Weighted(NamedTuple):
 
     def jacobian(self, point: Vector) -> Matrix:
         """Their derivatives."""
-        return differences(self.residuals, point, self.form.bounds)
+        return differences(self.residuals, point, self.form.limits[1])
+
+    def secants(self, point: Vector, steps: Vector) -> Matrix:
+        """The same as mean slopes over these steps to both sides."""
+        after, before = np.split(self.residuals([*(point + np.diag(steps)), *(point - np.diag(steps))]), 2)
+        return np.asarray((after - before).T / (2.0 * steps))
 
 
 class Fit:

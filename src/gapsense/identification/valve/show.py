@@ -186,6 +186,10 @@ PWM = (
     " only, which is in the standard errors. Where that leaves more than noise, record means of intervals, or without"
     " PWM; `gapsense commission` seeks the place of every edge."
 )
+UNSATURATED = (
+    "`core.saturation` ends at the upper limit of the search: these records show no saturation, and the other values do"
+    " not depend on it."
+)
 LOUD = 4e-3  # noise, of the largest current, that hides losses which move turns and core
 UNSEEN = (
     "Of the losses of a core, {} were not seen, but noise of {:.2g} % of the largest current may hide some, or flux"
@@ -197,7 +201,7 @@ STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 def valve_tables(result: Identified, records: Sequence[Record], checks: Sequence[Validation]) -> list[Table | str]:
     """What was found, how certain it is, and how it predicts the records that were not used for the fit."""
     shown = [resistances(result, records), *forms(result), *drive(result), parameters(result), correlations(result)]
-    told = [text for record in (*records, *(check.record for check in checks)) for text in about(record)]
+    told = about(*records, *(check.record for check in checks))
     return [*shown, *assumed_table(result), *([validation(checks)] if checks else []), *remarks(result), *told]
 
 
@@ -304,7 +308,9 @@ def remarks(result: Identified) -> list[str]:
     unseen = {name for t in result.trials for name in t.form.added} & {"eddy", "hysteresis"} - {*result.form.added}
     if result.is_explained and unseen and noise > LOUD:
         said.append(UNSEEN.format(" and ".join(sorted(unseen)), 100.0 * noise))
-    for name in result.at_bounds:
+    if result.is_unsaturated:
+        said.append(UNSATURATED)
+    for name in [n for n in result.at_bounds if not (n == "core_saturation" and result.is_unsaturated)]:
         said.append(
             f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess, so"
             " that it has no standard error, and those of the others are too small: give a better guess."

@@ -42,7 +42,9 @@ OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` can name another folder."
-INSTEAD = "Python computes instead, ten times slower or more, with the same bits."
+INSTEAD = (
+    "Python computes instead, ten times slower or more, with the same bits; `pip install ziglang` brings a compiler."
+)
 
 
 def addresses(codes: Iterable[Code]) -> list[int] | None:
@@ -94,7 +96,9 @@ def built(text: str) -> Path:
     """File of the library; where the cache cannot be written it is for this process only."""
     compiler = own_compiler()
     if not compiler:
-        raise NativeError("No C compiler is found, neither the one that `CC` names nor `cc`, `gcc` or `clang`.")
+        raise NativeError(
+            "No C compiler is found, neither the one that `CC` names nor `cc`, `gcc`, `clang` or ziglang's."
+        )
     flags, about = tuned(compiler)
     digest = hashlib.sha256("\0".join([text, *compiler, *flags, about]).encode()).hexdigest()
     with suppress(OSError):

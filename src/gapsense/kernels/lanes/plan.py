@@ -32,7 +32,6 @@ class Array(Enum):
     """Columns that functions take as a whole."""
 
     TABLE = "table"  # the same for all runs, or one for each
-    MEMORY = "memory"  # of each run
 
 
 class Plan:
@@ -60,8 +59,7 @@ class Plan:
     def run(self, runs: int, /, **given: Any) -> Floats:
         """What is kept, (values, runs).
 
-        Each column is an array (numbers, runs), or (numbers,) if it is the same for all runs; array memory changes in
-        the array that is given.
+        Each column is an array (numbers, runs), or (numbers,) if it is the same for all runs.
         """
         arrays = self._columns(runs, given)
         if self.library:
@@ -134,14 +132,10 @@ def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
     """A column of the right shape."""
     array = np.atleast_1d(np.asarray(value, float))
     n = len(array) if isinstance(size, Array) else size
-    shapes: list[tuple[int, ...]] = [(n, runs)] if size is Array.MEMORY else [(n,), (n, 1), (n, runs)]
+    shapes = [(n,), (n, 1), (n, runs)]
     if array.shape not in shapes:
         expected = " or ".join(map(str, shapes))
         raise ValueError(f"column `{name}` has the shape {array.shape}, {expected} expected. Correct it.")
-    if size is Array.MEMORY and array is not value:
-        raise ValueError(
-            f"column `{name}` is not an array of doubles, and memory is changed in place. Give such an array."
-        )
     return array
 
 
