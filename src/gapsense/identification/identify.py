@@ -26,7 +26,7 @@ from gapsense.identification.scale import scaled
 from gapsense.identification.show import measured_and_model, untold
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
 from gapsense.identification.valve import show
-from gapsense.identification.valve.driver import Driver, doubt_resistance, driver_notes, read_driver
+from gapsense.identification.valve.driver import OHMS, Driver, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
 from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, needed, plain
 from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, find_gap, keep_law
@@ -50,6 +50,10 @@ def sought(forms: str, hold: Sequence[str], known: show.Known, accuracy: Mapping
             raise ValueError(f"--hold: `{name}` found, one of {', '.join(names)} expected.{because}")
         if names[name] in LOSSES and names[name] not in known.losses:
             raise ValueError(f"--hold: `{name}` has no value to be held at. Give one in the file of `--parameters`.")
+    if OHMS in accuracy and known.resistance is None:
+        raise ValueError(
+            f"--accuracy: `{OHMS}` has no value. Give what an ohmmeter shows in the file of `--parameters`."
+        )
     errors = {field: accuracy[port.name] for field, port in show.PORTS.items() if port.name in accuracy}
     fields = frozenset(names[name] for name in held)
     return Sought(tried, fields, known.losses, given=known.given, accuracy=errors)
@@ -234,7 +238,7 @@ def finish_valve(given: Given, start: Gap, result: Identified, told: Sequence[st
     notes = [*driver_notes(result.drive), *temperature_notes(R, coefficient)]
     tuning = {**noises(records), **scaled(records, result.models, result.residuals, parameters_of("mhe", None))}
     show.write_valve(to, result, keep_law(given.known, result, to), given.sources, tuning, notes)
-    doubts = doubt_resistance(R, given.known.resistance)
+    doubts = doubt_resistance(R, given.known.resistance, given.drive.accuracy.get(OHMS))
     is_sound = result.is_explained and not doubts
     stops = [show.PORTS[field].name for field in needed(result.form) if field not in result.assumed]
     said = untold(stops, given.drive.accuracy, " `--accuracy` puts what is known of them into the errors.")

@@ -22,8 +22,10 @@ from gapsense.identification.valve.model import Experiment, First, Prepared, res
 from gapsense.report.table import quantity
 
 TAKEN = {"series": "Ohm", "drop": "V", "delay": "s"}  # causes that may be given or fitted
-PERCENT = dict.fromkeys(("voltage", "current", *(name for name in SCALES if name != "stop.restitution")), "PERCENT")
+OHMS = "coil.resistance"
+PERCENT = dict.fromkeys(("voltage", "current", OHMS, *(n for n in SCALES if n != "stop.restitution")), "PERCENT")
 WARMEST, COPPER = 0.3, 3.9e-3  # of the resistance, relative to the one that is known; its change by degree
+CERTAIN = 3.0  # standard errors of the one that is known, where they are told
 ROUNDS = 6
 CLOSE = 0.05  # standard errors of a step that ends the search
 FARTHEST = {"series": 0.2, "drop": 0.05, "delay": 0.5}  # of its scale, in one step
@@ -92,12 +94,12 @@ def driver_notes(values: Mapping[str, float]) -> list[str]:
     return [f"Taken out of the recorded voltage and current: {found}."] if found else []
 
 
-def doubt_resistance(resistance: float, believed: float | None) -> list[str]:
-    """A sentence, if the resistance of (23) is another one than a coil of copper can have.
+def doubt_resistance(resistance: float, believed: float | None, error: float | None = None) -> list[str]:
+    """A sentence, if the resistance of (23) is another one than a coil of copper, or known so well, can have.
 
     A voltage that is too large by a factor is explained by other values of the parameters: no residual tells it.
     """
-    if not believed or abs(resistance / believed - 1.0) < WARMEST:
+    if not believed or abs(resistance / believed - 1.0) < (WARMEST if error is None else CERTAIN * error):
         return []
     change = resistance / believed - 1.0
     return [

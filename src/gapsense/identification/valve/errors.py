@@ -64,6 +64,7 @@ from gapsense.identification.valve.model import (
 
 NEGLIGIBLE = 1e-9  # singular value, relative to the largest, of a combination of parameters without effect
 TINY = 1e-300
+REACH = (1e-5, 0.1)  # least and most of how far a derivative is taken to each side
 
 
 class Slopes(NamedTuple):
@@ -109,12 +110,18 @@ class Linear(NamedTuple):
 
 
 def linearise(
-    form: Form, ratios: Vector, experiments: Sequence[Experiment], fitted: Sequence[str], others: Sequence[str]
+    form: Form,
+    ratios: Vector,
+    experiments: Sequence[Experiment],
+    fitted: Sequence[str],
+    others: Sequence[str],
+    is_wide: bool = False,
 ) -> Linear:
-    """The residuals near `ratios`; `fitted` and `others` are names of causes."""
+    """The residuals near `ratios`, or as far around as noise leads; `fitted` and `others` are names of causes."""
     found = slopes(form, ratios, experiments, [*fitted, *others])
-    k, r = len(fitted), residuals(form, [ratios], experiments)[0]
-    J = np.hstack([Weighted(form, experiments).jacobian(ratios), found.residuals[:, :k]])
+    k, problem = len(fitted), Weighted(form, experiments)
+    r, J = problem.residuals([ratios])[0], problem.jacobian(ratios)
+    J = np.hstack([problem.secants(ratios, reach(J, r)) if is_wide else J, found.residuals[:, :k]])
     known = np.diag([0.0] * ratios.size + [rms(r) / ANYWHERE * is_place(name) for name in fitted])
     A = np.linalg.pinv(np.vstack([J, known]), rcond=NEGLIGIBLE).astype(np.float64)
     A, believed = A[:, : r.size], A[:, r.size :] @ known * ANYWHERE
@@ -143,6 +150,15 @@ def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names:
         columns[:, k] = np.concatenate(changes) / small
         logarithms[k] = (np.log(pooled_resistance(others)) - before) / small
     return Slopes(columns, logarithms)
+
+
+def reach(slopes: Matrix, r: Vector) -> Vector:
+    """How far to each side derivatives are taken: by as much as changes the residuals as the noise of one does.
+
+    Where the mover arrives at a sample, slopes jump; differences to one side only, for which it then arrives later in
+    some columns and earlier in others, would tell parameters apart that no record does.
+    """
+    return np.asarray(np.clip(rms(r) / np.maximum(np.linalg.norm(slopes, axis=0), TINY), *REACH))
 
 
 def scales(experiments: Sequence[Experiment], names: Sequence[str]) -> dict[str, float]:
@@ -321,6 +337,7 @@ class Doubts(NamedTuple):
 
     misfits: Sequence[float] = ()  # RMS of what noise does not explain of each experiment [A]
     causes: Mapping[str, float] = {}  # standard errors of their values, which the residual need not show
+    open: Collection[str] = ()  # causes that may be there: of their values no more is known than the records tell
 
 
 def uncertainty(
@@ -341,12 +358,13 @@ def uncertainty(
         known = (*known, "series")  # which nothing tells from the coil's while this is on all the time
     others = [*(c for c in CAUSES if c not in known), *hidden]
     sizes = scales(experiments, [*fitted, *others])
-    at = linearise(form, ratios, experiments, fitted, others)
+    at = linearise(form, ratios, experiments, fitted, others, is_wide=True)
     found, n = influences(form, ratios, experiments, at), len(at.fitted.T)
     cov = np.sum([long_run(*signal) for signals in found for signal in signals], axis=0)
     r, errors = residuals(form, [ratios], experiments)[0], np.sqrt(np.diag(cov)[n:-1])
     shares = shares_of(at, r, {name: sizes[name] for name in others}, errors)
     own = [*range(n), -1]
+    doubts = doubts._replace(causes={**doubts.causes, **{n: shares[n].error for n in doubts.open if n in shares}})
     parts = [of_current[own] for (of_current, _), *_ in found]
     moved = dict(zip(others, (at.moved / [sizes[name] for name in others]).T))
     edges = at.feedback @ at.believed
@@ -419,7 +437,7 @@ def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[
     drift = {"drift": rms(x) if (x := np.concatenate(changes)).size else 0.0}
     carriers = prepared.carriers
     means = {"switched": max(c.doubt for c in carriers), "delay": max(c.late for c in carriers)} if carriers else {}
-    return Doubts(misfits, errors | drift | drops | means | {**accuracy})
+    return Doubts(misfits, errors | drift | drops | means | {**accuracy}, {"series"} - {*prepared.drive})
 
 
 def _beyond_noise(

@@ -88,6 +88,11 @@ class Weighted(NamedTuple):
         """Their derivatives."""
         return differences(self.residuals, point, self.form.limits[1])
 
+    def secants(self, point: Vector, steps: Vector) -> Matrix:
+        """The same as mean slopes over these steps to both sides."""
+        after, before = np.split(self.residuals([*(point + np.diag(steps)), *(point - np.diag(steps))]), 2)
+        return np.asarray((after - before).T / (2.0 * steps))
+
 
 class Fit:
     """The minimisation; counts the samples that it simulates, and tells them."""
