@@ -19,10 +19,16 @@ FINE, OPERATIONS, FIRST = 6, 14, 6  # steps of the plant in a sample; operations
 
 
 @cache
-def operated(dt: float, is_anywhere: bool, seed: int = 1) -> tuple[Plant, np.ndarray]:
-    """30 V and 0 V for 8 to 12 ms each; edges half-way between samples or anywhere; and where operations begin."""
+def operated(
+    dt: float, is_anywhere: bool, seed: int = 1, share: float = 1.0, operations: int = OPERATIONS
+) -> tuple[Plant, np.ndarray]:
+    """30 V and 0 V for 8 to 12 ms each, 30 V for a share of that; edges half-way between samples or anywhere.
+
+    Also the samples at which operations begin.
+    """
     rng = np.random.default_rng(seed)
-    lengths = np.r_[2e-3, rng.uniform(8e-3, 12e-3, OPERATIONS)] // dt
+    seconds = np.r_[2e-3, rng.uniform(8e-3, 12e-3, operations)] * np.r_[1.0, np.tile([share, 1.0], operations // 2)]
+    lengths = seconds // dt
     edges = FINE * np.cumsum(lengths).astype(int) + (rng.integers(0, FINE, lengths.size) if is_anywhere else FINE // 2)
     k = np.arange(edges[-1])
     voltage = np.where(np.searchsorted(edges, k, side="right") % 2 == 1, 30.0, 0.0)
@@ -31,10 +37,10 @@ def operated(dt: float, is_anywhere: bool, seed: int = 1) -> tuple[Plant, np.nda
 
 
 def estimated(
-    dt: float, is_anywhere: bool, std: float, seed: int, **told: float
+    dt: float, is_anywhere: bool, std: float, seed: int, share: float = 1.0, operations: int = OPERATIONS, **told: float
 ) -> tuple[float, dict[str, np.ndarray]]:
     """Causal error in motion [um], and the outputs from then on."""
-    s, begins = operated(dt, is_anywhere, seed)
+    s, begins = operated(dt, is_anywhere, seed, share, operations)
     rng, n, first = np.random.default_rng(seed), s.mode.size, begins[FIRST]
     voltage, current = s.voltage + 30e-3 * rng.standard_normal(n), s.current + std * rng.standard_normal(n)
     found = run(blind(sample_time=dt, **told), rows(voltage, current, dt=dt))
@@ -115,7 +121,14 @@ def test_pwm_with_its_mean(carrier: float, seed: int) -> None:
     assert error < 50.0 and np.mean(out["health"][2 * moves.size // 3 :]) > 0.99  # its losses are in doubt for six
 
 
-@pytest.mark.parametrize("carrier", [507e-6, 203e-6, 50e-6])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_short_pulses_are_not_pwm(seed: int) -> None:
+    """A voltage for 3.4 to 5 ms at 50 us, fewer than 100 samples, counted as PWM, and `health` was 0 nearly always."""
+    error, out = estimated(50e-6, False, 2e-3, seed, share=0.42, operations=40)
+    assert error < 15.0 and np.mean(out["health"]) > 0.99
+
+
+@pytest.mark.parametrize("carrier", [2e-3, 507e-6, 203e-6, 50e-6])
 def test_pwm_that_is_sampled_is_told(carrier: float) -> None:
     """It says nothing of the mean; 8 of 120 operations were wrong in silence."""
     _, moves, out = pulsed(carrier, 1, False)

@@ -194,6 +194,35 @@ def test_wear_is_told_by_what_moves_and_the_temperature_is_none(bench: Bench) ->
     assert bench.said("cause") == [CAUSES.index(cause) + 1.0]
 
 
+def test_what_mhe_still_settles_on_is_no_baseline() -> None:
+    """Its values come nearer by an eighth with each window; the last third of the windows makes the baseline."""
+    bench, off = Bench(), 60.0 * STD
+    while bench.said("verdict") == [float(Verdict.learning)]:
+        bench.values = VALUES * (1.0 + off)
+        off *= 0.875
+        bench.operate()
+    bench.values = VALUES.copy()
+    assert set(operated(bench, 4)) == {float(Verdict.healthy)}
+    assert bench.said("wear")[0] < 0.7 * PAR.limit_worn
+
+
+def test_eddy_currents_count_half() -> None:
+    bench = Bench()
+    operated(bench, 40)
+    bench.values[1] *= np.exp(1.5 * PAR.limit_worn * monitor.WANDER * STD)
+    assert set(operated(bench, 4)) == {float(Verdict.healthy)}
+    assert bench.said("moved_eddy", "wear") == pytest.approx([4.5, 2.25], rel=1e-2)
+
+
+def test_wear_stays_told_while_mhe_is_lost(bench: Bench) -> None:
+    """Learnt values go back to what they were as `Mhe` doubts them, and its bit 1 is set."""
+    bench.values[6] *= np.exp(4.0 * monitor.WANDER * STD)
+    assert operated(bench, 3)[-1] == float(Verdict.worn)
+    bench.values = VALUES.copy()
+    assert set(operated(bench, 6, causes=1.0)) == {float(Verdict.worn)}
+    assert operated(bench, 4)[-1] == float(Verdict.healthy)
+
+
 def test_a_trend_is_that_of_a_value(bench: Bench) -> None:
     for _ in range(3000):
         bench.values[6] *= 1.0 + 1e-5

@@ -79,4 +79,4 @@ def test_faults_are_told_named_and_pass(name: str) -> None:
 @pytest.mark.slow
 def test_healthy_devices_are_healthy() -> None:
     found = alarms(13, 701, LONG, quietly)
-    assert found.operations > 10_000 and found.faults <= 1
+    assert found.operations > 10_000 and found.faults <= 1 and found.worn <= 1

@@ -94,7 +94,7 @@ WILD = 15.0  # deviations of a current's bend between equal voltages: a spike
 MEDIAN = 0.6745 * 20.0**0.5  # of the sizes of third differences, over the deviation of white noise
 LEVELLING = 1.0 / 500.0  # share by which a sample moves the deviation of the noise that is seen
 TOLD_TOO_LOW, TOO_NOISY = 1.3, 12.0  # times the noise that was told: what is seen counts; and is told
-OFTEN, PULSED = 1.0 / 512.0, 0.02  # weight of a sample in the share of edges, and the share from which it is PWM
+OFTEN, PULSED = 1.0 / 512.0, 0.015  # weight of a sample in the share of close edges; share from which it is PWM
 UNKNOWN = 0.5  # largest deviation of the eddy currents that counts
 DOUBTED = 0.5  # doubt of the eddy currents from which a device needs longer until it is proven
 MINOR = 0.8  # error of the current under PWM, whose minor loops the hysteresis of the model does not have, over I_h
@@ -683,7 +683,8 @@ class Watch(NamedTuple):
 
     noise: Scalar  # standard deviation of the current, as it is seen; at least what was told [A]
     is_driven: Scalar = 0.0  # flag: a voltage has come
-    switching: Scalar = 0.0  # share of samples at an edge, among those with a voltage or an edge
+    switching: Scalar = 0.0  # share of samples at an edge soon after another, among those with a voltage or an edge
+    since_edge: Scalar = 1e9  # samples since the voltage had an edge
     edge: Edge = Edge()
     spread: Scalar = ANYWHERE  # variance of the places of edges, of late
     surprise: Scalar = 0.0  # mean of the innovations, of late [A]
@@ -736,13 +737,15 @@ def is_wild(before: Samples, u: Scalar, i: Scalar, par: Parameters) -> Scalar:
 
 
 def listen(before: Watch, samples: Samples, u: Scalar, i: Scalar, par: Parameters) -> Watch:
-    """The noise of the current, whether a voltage has come, and the share of edges, with a new sample."""
+    """The noise of the current, whether a voltage has come, and the share of close edges, with a new sample."""
     is_edge, is_driving = drives(u - load(samples.voltages, samples.newest), par), drives(u, par)
-    step = where(is_edge | is_driving, OFTEN * (flag(is_edge) - before.switching), 0.0)
+    is_close = is_edge & (before.since_edge * par.sample_time < par.window_tail)  # no operation is as short
+    step = where(is_edge | is_driving, OFTEN * (flag(is_close) - before.switching), 0.0)
     return before._replace(
         noise=_noise(before.noise, samples, u, i, par),
         is_driven=where(is_driving, 1.0, before.is_driven),
         switching=before.switching + step,
+        since_edge=where(is_edge, 0.0, before.since_edge + 1.0),
     )
 
 

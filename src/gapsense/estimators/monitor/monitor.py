@@ -43,7 +43,9 @@ from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, 
 
 FIRST = 6.0  # windows that only teach `Mhe`
 GOOD = 1.5  # misfit below which a window has taught something
-WANDER = 6.0  # reported deviations by which what is learnt of a healthy device wanders
+SETTLED = 2.0 / 3.0  # share of the windows of a baseline in which what `Mhe` learns still settles
+SLOWEST = 0.5  # what eddy currents count of what they have moved
+WANDER = 5.5  # reported deviations by which what is learnt of a healthy device wanders
 LEAST = 1e-12  # of a size, a value or a deviation that is divided by
 UNKNOWN = 1.0  # density of directions that are in no table
 BACK = 0.065  # R, or a current, is back to what it was before a fault within this share
@@ -327,14 +329,16 @@ def _note(state: State, inputs: Inputs, par: Parameters) -> State:
     learnt = old._replace(values=values, wandering=WANDER * shares, quick=quick, slow=slow)
     state = state._replace(learnt=learnt)
     is_calm = (state.course.verdict == Verdict.healthy) | (state.course.verdict == Verdict.worn)
-    is_relearnt = is_set(state.course.is_relearnt)
-    return when(is_calm & not_(is_relearnt), lambda state: _wear_out(state, inputs.time, par), state)
+    is_lost = is_set(state.course.is_relearnt) | _has_bit(inputs.health_causes, INNOVATION)  # doubt hides wear
+    return when(is_calm & not_(is_lost), lambda state: _wear_out(state, inputs.time, par), state)
 
 
 def _lay(state: State, values: Array, inputs: Inputs, par: Parameters) -> State:
-    """The baseline with a window more."""
+    """The baseline with a window more: the mean of those after which little settles."""
     old, n = state.baseline, state.baseline.taught + 1.0
-    baseline = old._replace(taught=n, healthy=old.healthy + (values - old.healthy) / n)
+    settled = n - SETTLED * par.learn_windows
+    healthy = old.healthy + (values - old.healthy) / where(settled > 1.0, settled, 1.0)
+    baseline = old._replace(taught=n, healthy=healthy)
     is_done = (n >= par.learn_windows) & (old.closings > 1.0) & (old.openings > 1.0)
     verdict = where(is_done, float(Verdict.healthy), float(Verdict.learning))
     return state._replace(baseline=baseline, course=state.course._replace(verdict=verdict))
@@ -372,8 +376,8 @@ def _moved(state: State) -> Array:
 
 
 def _wear(moved: Array) -> Scalar:
-    """Size of what has moved; the resistance does so with temperature."""
-    return _length(moved[1:])
+    """Size of what has moved; the resistance does so with temperature, and eddy currents settle for longest."""
+    return _length(vector([SLOWEST * moved[1], *moved[2:]]))
 
 
 # causes
