@@ -8,7 +8,7 @@ from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import clip, floor, load, not_, store, where
 
-GAIN = 0.1  # part of an error that is corrected at once: supply and noise change it from cycle to cycle
+GAIN = 0.3  # part of an error that is corrected at once
 LARGEST = 0.3e-3  # what counts of it [Wb]
 AROUND = 5  # samples before and behind, over which it is smooth
 
