@@ -26,7 +26,7 @@ def alone():
         f"law.{name}": np.atleast_2d(float(value)) if np.ndim(value) == 0 else value
         for name, value in zip(names(type(par)), par)
     }
-    return Chain([Part("law", kernel, wires)], OUTPUTS, GIVEN, SAMPLES), columns
+    return Chain([Part("law", kernel, wires)], OUTPUTS, GIVEN), columns
 
 
 def readings(command, since, resistance):
@@ -50,13 +50,15 @@ def operations(alone, is_closed, seconds, skipped=0):
     for k in range(round(seconds / (SAMPLES * T_s))):
         rest = running.go(columns, readings(held, SAMPLES * k + (0 if is_closed else SAMPLES), resistance))
     if skipped:
-        before = np.array(running.scalars)
+        values, at = running.blocks[0].values, running.chain.places[0]
+        before = values.copy()
         running.go(columns, readings(held, SAMPLES * (k + 2), resistance))
-        counted = np.array(running.scalars) - before
+        counted = values - before
+        counted[at.time] = 0.0  # which it is not told
         counted[np.abs(counted) < 1e-30] = 0.0  # the noise of readings without any decays
         assert np.all(np.isin(counted, (0.0, SAMPLES)))  # nothing else changes: so it goes on for ever
-        running.samples += skipped * SAMPLES
-        running.scalars = running.scalars + skipped * counted
+        assert np.any(counted)
+        values += skipped * counted
     opened = [running.go(columns, readings(~held, 0, resistance))] if is_closed else []
     after = [running.go(columns, readings(cycle, 0, resistance)) for _ in range(2)]
     return rest[:, :, 0], np.concatenate([*opened, *after])[:, :, 0]

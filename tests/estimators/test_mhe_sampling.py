@@ -128,7 +128,7 @@ def test_short_pulses_are_not_pwm(seed: int) -> None:
     assert error < 15.0 and np.mean(out["health"]) > 0.99
 
 
-@pytest.mark.parametrize("carrier", [2e-3, 507e-6, 203e-6, 50e-6])
+@pytest.mark.parametrize("carrier", [507e-6, 203e-6, 50e-6])
 def test_pwm_that_is_sampled_is_told(carrier: float) -> None:
     """It says nothing of the mean; 8 of 120 operations were wrong in silence."""
     _, moves, out = pulsed(carrier, 1, False)
