@@ -27,6 +27,9 @@ NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at f
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
 STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage and resistance are followed; error [Wb]
+STEADYING = 0.5e-3  # if the current is noisy: error of a sample's R i over this is the share that is followed [Wb]
+# what an estimator changes in an operation: standard deviations of what noise sums up, and what else may be wrong [Wb]
+EXPLAINED, BESIDE = 2.0, 0.1e-3
 BEYOND, LARGEST = 4.0, 4.0  # largest voltage of the bridge, and current that this drives: a reading beyond is lost
 JUMP, FASTER, PATIENCE = 0.2, 3.0, 5.0  # of the usual current; than the open coil; wild readings in a row
 BALANCED = 0.3  # share by which the mean of the resistance of cycles follows
@@ -233,12 +236,27 @@ def wandering(coil: Coil, par: Parameters) -> Scalar:
     return coil.resistance * coil.noise * sqrt(par.sample_time * time)
 
 
-def steadied(coil: Coil, inputs: Inputs, par: Parameters) -> Coil:
-    """Drawn to the flux linkage of an estimator, which does not sum up the noise of the current."""
+def steadied_error(coil: Coil, par: Parameters) -> Scalar:
+    """The same while the flux linkage is drawn to that of an estimator [Wb]."""
+    return sqrt(0.5 * coil.resistance * coil.noise * par.sample_time * STEADYING)
+
+
+def steadied(coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
+    """Drawn to the flux linkage of an estimator, which does not sum up the noise of the current.
+
+    If that is noisy, faster, but by no more than noise explains since the operation began, a time ago, when
+    `before` had been added: an estimator that takes a mover for landed would pull the flux linkage away.
+    """
     off = inputs.estimated_flux_linkage - coil.flux
-    share = coil.resistance * coil.noise * par.sample_time / WANDERING
+    noise = coil.resistance * coil.noise
+    share = noise * par.sample_time / where(is_noisy, STEADYING, WANDERING)
+    most = BESIDE + EXPLAINED * noise * sqrt(par.sample_time * time)
     is_near = (inputs.misfit < STEADY) & (fabs(off) < WANDERING)
-    return drawn(coil, where(is_near, share * off, 0.0))
+    so_far = coil.drawn - before
+    less = where(so_far > -most, -most - so_far, 0.0)
+    more = where(so_far < most, most - so_far, 0.0)
+    change = where(is_near, share * off, 0.0)
+    return drawn(coil, where(is_noisy, clip(change, less, more), change))
 
 
 def drawn(coil: Coil, change: Scalar) -> Coil:

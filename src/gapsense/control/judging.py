@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.bend import arrived, is_of_core, landed
-from gapsense.control.coil import left_open, raised, wandering
+from gapsense.control.coil import left_open, raised, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
@@ -26,6 +26,7 @@ FELT = 0.25  # of a closing that only the current tells: with the second one in 
 FORGIVEN = 0.5  # hard impacts, by a soft one
 NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
 ADDED = 8.0  # speed of a landing by what noise makes wrong beyond that, as a share [m/s]
+DEVIATIONS = 3.0  # of the error of a flux linkage that an estimator steadies, for which approaches are not too slow
 YOUNG = 8.0  # cycles in which approaches are still fast
 
 
@@ -202,9 +203,14 @@ def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, pa
 
 
 def _slowest(state: State, par: Parameters) -> Scalar:
-    """Speed of the slowest approaches: not below what noise adds to that of a landing [m/s]."""
+    """Speed of the slowest approaches: not below what noise adds to that of a landing [m/s].
+
+    An estimator steadies the flux linkage, but what it says of the mover while it is young is as uncertain as that.
+    """
     m = make_mover(par)
-    added = ADDED * (wandering(state.coil, par) / sqrt(balance(m.gap.smallest, m)) - NOISY)
+    is_steady = (state.by_model > 0.0) & (state.since_plain >= YOUNG)
+    error = where(is_steady, DEVIATIONS * steadied_error(state.coil, par), wandering(state.coil, par))
+    added = ADDED * (error / sqrt(balance(m.gap.smallest, m)) - NOISY)
     return where(added > par.approach_least, added, par.approach_least)
 
 

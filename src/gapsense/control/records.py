@@ -191,6 +191,7 @@ class Running(NamedTuple):
     last_age: Scalar  # samples of the operation before
     last_is_judged: Scalar  # the same of that
     strain: Scalar  # largest share of the voltage that the resistance has needed
+    drawn_before: Scalar  # what an estimator had added to its flux linkage when it began [Wb]
     drawn_till_told: Scalar  # what an estimator has added to its flux linkage until its arrival was told [Wb]
 
 

@@ -205,9 +205,9 @@ def _noted(state: State, par: Parameters) -> Noted:
     )
 
 
-def _is_noisy(state: State, par: Parameters) -> Scalar:
-    """Whether the noise of the current makes the loop's flux linkage too wrong for soft landings."""
-    return wandering(state.coil, par) > NOISY * state.running.balance_flux
+def _is_noisy(state: State, par: Parameters, share: float = 1.0) -> Scalar:
+    """Whether noise makes the loop's flux linkage too wrong for soft landings, or by a share of that."""
+    return wandering(state.coil, par) > share * NOISY * state.running.balance_flux
 
 
 # the beginning of an operation
@@ -244,6 +244,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
+            drawn_before=state.coil.drawn,
         ),
         heard=blank(Heard, last_mode=inputs.mode, began=began),
         alarm=where(state.alarm > 0.0, state.alarm - 1.0, 0.0),
@@ -323,7 +324,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
     running = state.running._replace(age=state.running.age + 1.0)
     coil, is_lost = integrated(state.coil, inputs, is_late(running, par), par)
-    coil = cond(state.by_model > 0.0, lambda: steadied(coil, inputs, par), lambda: coil)
+    time, before, noisy = running.age * par.sample_time, running.drawn_before, _is_noisy(state, par, 0.5)
+    coil = cond(state.by_model > 0.0, lambda: steadied(coil, inputs, time, before, noisy, par), lambda: coil)
     running = running._replace(
         drawn_till_told=where(running.age <= told_at(running, par), coil.drawn, running.drawn_till_told)
     )
