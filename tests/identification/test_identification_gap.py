@@ -110,7 +110,7 @@ def test_linear_law_is_found_with_the_valve_within_its_errors():
     z = errors(result, VALVE)
     assert max(map(abs, z.values())) < 4.0, z
     relative = dict(zip(result.names, result.uncertainty.relative))
-    assert relative["damping"] < 0.05 and relative["mover_mass"] < 0.01  # currents alone leave 9 and 1 %
+    assert relative["damping"] < 0.055 and relative["mover_mass"] < 0.01  # currents alone leave 9 and 1 %
     said = " ".join(map(str, [*start.told, *describe_gap(result, start.records)]))
     assert "`coil.turns` is held at 1200" in said and said.count("of the position, which is noise") == 2
 
