@@ -122,6 +122,12 @@ def test_record_that_is_too_fast_for_an_estimator_is_read_as_means(fmus):
     assert errors[0] < errors[1] < 50e-6, errors
 
 
+def test_what_judges_another_estimator_is_none_of_a_record():
+    found = run.estimators(components_folder())
+    _, left_out = run.choose_estimators(None, found, record(VALVE, periods=1), GIVEN)
+    assert {"Ekf", "Mhe", "HybridEkf"} < {*found} and not any("Monitor" in text for text in left_out)
+
+
 def test_estimators_of_a_mover_are_left_out_for_a_coil():
     coil = {"coil.resistance": 0.37, "prior.inductance": 3e-4, "noise.current": 2.0}
     names, left_out = run.choose_estimators(None, run.estimators(components_folder()), record(VALVE, periods=1), coil)

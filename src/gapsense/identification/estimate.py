@@ -83,7 +83,7 @@ def missing(record: Record, found: Mapping[str, Component], name: str) -> str | 
     if not lacks[name]:
         return None
     lacking = ", ".join(f"`{i}`" for i in lacks[name])
-    remedy = "; ".join(REMEDY.get(i, f"Add a column `{i}`") for i in lacks[name])
+    remedy = "; ".join(REMEDY[i] for i in lacks[name])
     others = ", ".join(n for n, inputs in lacks.items() if not inputs)
     able = f", or choose an estimator that needs none: {others}" if others else ""
     return f"{name} needs {lacking}, which {record.name} does not have. {remedy}{able}."
@@ -130,9 +130,10 @@ def coarsen(record: Record, wanted: str | None, found: Mapping[str, Component], 
 
 
 def estimators(folder: Path) -> dict[str, Component]:
-    """The estimators in a folder of components, by name."""
-    found = map(load_component, find_components(folder))
-    return {c.name: c for c in found if c.kernel.startswith("gapsense.estimators.")}
+    """The estimators in a folder of components whose inputs a record can have, by name."""
+    found = [c for c in map(load_component, find_components(folder)) if c.kernel.startswith("gapsense.estimators.")]
+    needs = {c.name: {p.name for p in c.of("input") if not p.is_optional} for c in found}
+    return {c.name: c for c in found if needs[c.name] <= {"voltage", "current", *REMEDY}}
 
 
 def _asked(wanted: str | None) -> list[str]:

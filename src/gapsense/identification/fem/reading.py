@@ -137,7 +137,7 @@ def read_heads(path: Path, how: Reading, problems: list[str]) -> Sheet:
             f"{path.name}: no heads above rows of numbers found. Write heads as in {EXAMPLE}, and numbers below."
         )
     if problems:
-        return Sheet(Path(path.name), (), (), [], [])
+        return Sheet(path=Path(path.name), names=(), units=(), lines=[], rows=[])
     heads = lines[first - 1].cells
     if first > 1 and all(re.fullmatch(r"[\[(]?[A-Za-z.*\u00b5\u03bc]{0,6}[\])]?", c) for c in heads):  # units alone
         heads = [with_unit(h, u.strip("()[]")) for h, u in zip(lines[first - 2].cells, heads)]
@@ -151,7 +151,7 @@ def read_heads(path: Path, how: Reading, problems: list[str]) -> Sheet:
     names, units = zip(*map(split_header, heads))
     problems += twice(Path(path.name), names)
     decimal = [[c.replace(how.decimal, ".") for c in line.cells] for line in rows]
-    return Sheet(Path(path.name), names, units, [line.number for line in rows], decimal)
+    return Sheet(path=Path(path.name), names=names, units=units, lines=[line.number for line in rows], rows=decimal)
 
 
 def split_lines(text: str, how: Reading) -> Iterator[Line]:
