@@ -70,6 +70,8 @@ DEMANDS = tuple(
         ("supply", "contact model", "90 %", -LAST, 0.30),
         ("damping-step rest-step", "contact model", "median", -LAST, 0.12),
         ("softer", "contact model", "median", -LAST, 0.20),
+        ("play", "model", "median", -LAST, 0.12),
+        ("play", "model", "90 %", -LAST, 0.30),
         ("untold-noise", "model", "median", -LAST, 0.12),
         ("untold-noise", "both", "median", -LAST, 0.13),
         ("bounce late", "both", "median", 10, 0.12),

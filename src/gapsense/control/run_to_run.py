@@ -221,7 +221,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     goes_on = not_(is_closing) & ((state.running.is_plain > 0.0) | is_unsure)
     is_plain = goes_on | falls_back | (is_closing & (not_(is_ready) | (inputs.enable <= 0.5)))
     starts_again = falls_back & not_(by_contact)  # until the estimator explains some windows again
-    learnt = vector([*_learnt(state, inputs, par), *(where(by_contact, x, 0.0) for x in law.mean)])
+    learnt = vector([*_learnt(state, inputs, par), *law.mean])
     m = mover_of(learnt, par)
     z0, _ = stops(is_closing, m)
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
