@@ -204,7 +204,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     estimate = Hybrid(x, diagonal([square(par.prior_current_std), 0.0, 0.0]), where(is_upper, UPPER, LOWER))
     now, _, is_whole = _read(inputs, 0.0, par)
     alone = Alone(estimate.x, estimate.q)
-    state = State(estimate.x, estimate.P, estimate.q, now.voltage, 0.0, alone, unknown())
+    x, P, q = estimate
+    state = State(x=x, P=P, mode=q, voltage=now.voltage, far=0.0, alone=alone, usual=unknown())
     std = deviation(estimate.P[CURRENT, CURRENT] + tuning(par).R)
     return state, _outputs(estimate, 0.0, std, readings.health({readings.LOST: not_(is_whole)}))
 
@@ -236,7 +237,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
             readings.OTHER: usual.other > 0.0,
         }
     )
-    state = State(posterior.x, posterior.P, posterior.q, now.voltage, far, alone, usual)
+    x, P, q = posterior
+    state = State(x=x, P=P, mode=q, voltage=now.voltage, far=far, alone=alone, usual=usual)
     return state, _outputs(posterior, innovation, std, health)
 
 
