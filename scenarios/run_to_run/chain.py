@@ -102,7 +102,9 @@ class Running:
         """`par` are columns of flat parameters by `part.parameter`, `given` what is given at the first sample."""
         self.chain, self.runs, self.samples, self.c, self.loop = made, runs, 0, library.loop(), made.loop(dt)
         width = self.c.width()
-        self.blocks = [Block(made, k, min(width, runs - k), par, given) for k in range(0, runs, width)]
+        self.blocks = [
+            Block(made=made, first=k, count=min(width, runs - k), par=par, given=given) for k in range(0, runs, width)
+        ]
         for block in self.blocks:
             block.prepare(self.loop, par)
             for part in self.loop.parts[: self.loop.part_count]:

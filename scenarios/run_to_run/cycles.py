@@ -98,7 +98,9 @@ def recorded_cycles(law: str, loop: Loop, condition: Condition, runs: int, cycle
     dt, told, is_search = condition.sample_time, controller(condition), LAWS[law].kind == "given"
     volts = cache(partial(forward.nominal if law == "nominal" else forward.ordinary, par=told))
     trials = searches.begun(law, runs, told) if is_search else None
-    running = Running(loop.chain, loop.par, [AT_REST[name] for name in loop.chain.given], dt, runs)
+    running = Running(
+        made=loop.chain, par=loop.par, given=[AT_REST[name] for name in loop.chain.given], dt=dt, runs=runs
+    )
     for cycle in range(cycles):
         counts = samples(condition, cycle)
         par = {**loop.par, **(searches.columns(trials) if trials else {}), **_changed(loop, condition, cycle, cycles)}

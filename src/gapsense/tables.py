@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -25,11 +26,12 @@ LARGEST_FILE = 64 * 10**6  # bytes
 
 
 class Kind(NamedTuple):
-    """A type that a value may have: its name in messages, the test, and the same as JSON schema."""
+    """A type that a value may have: its name in messages, the test, the same as JSON schema; of a list, its items."""
 
     name: str
     accepts: Callable[[Any], bool]
     schema: Mapping[str, Any]
+    of: Kind | None = None
 
 
 class Key(NamedTuple):
@@ -109,17 +111,21 @@ TEXT = Kind("a text", is_text, {"type": "string"})
 TABLE = Kind("a table", lambda value: isinstance(value, dict), {"type": "object"})
 TABLES = Kind("an array of tables", lambda value: is_list(value, TABLE.accepts), {"type": "array"})
 TEXTS = Kind(
-    "a list of texts", lambda value: is_list(value, TEXT.accepts), {"type": "array", "items": {"type": "string"}}
+    "a list of texts", lambda value: is_list(value, TEXT.accepts), {"type": "array", "items": {"type": "string"}}, TEXT
 )
 NUMBER_OR_TEXT = Kind("a name or a finite number", lambda v: is_text(v) or is_number(v), {"type": ["number", "string"]})
 SCALAR = Kind("a finite number, a truth value or a text", is_scalar, OF_SCALARS)
 NUMBERS = Kind(
-    "a list of finite numbers", lambda value: is_list(value, is_number), {"type": "array", "items": {"type": "number"}}
+    "a list of finite numbers",
+    lambda value: is_list(value, is_number),
+    {"type": "array", "items": {"type": "number"}},
+    NUMBER,
 )
 LIST = Kind(
     "a list of finite numbers, truth values or texts",
     lambda value: is_list(value, is_scalar) and bool(value),
     {"type": "array", "items": OF_SCALARS, "minItems": 1},
+    SCALAR,
 )
 BOUNDS = Kind(
     "a pair [lowest, highest] in rising order (`-inf` and `inf` are allowed)",
@@ -148,7 +154,7 @@ TYPES = {  # by their names in tables of keys
 def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     """Content of a TOML file, or None after noting why it cannot be read."""
     try:
-        return tomllib.loads(read_bytes(path, LARGEST_FILE).decode("utf-8"))
+        return tomllib.loads(read_bytes(path, LARGEST_FILE).decode("utf-8-sig"))
     except FileNotFoundError:
         problems.append(f"{path}: there is no such file. Correct the path.")
     except UnicodeDecodeError as error:
@@ -156,7 +162,8 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     except OSError as error:
         problems.append(f"{path}: cannot be read: {error.strerror}. Correct the path.")
     except tomllib.TOMLDecodeError as error:
-        problems.append(f"{path}: not valid TOML: {error}. Correct that line; a key may be written only once.")
+        twice = "; a key may be written only once" if str(error).startswith("Cannot") else ""
+        problems.append(f"{path}: not valid TOML: {error}. Correct that line{twice}.")
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits, tables in tables without end
         problems.append(f"{path}: cannot be read: {error}. Correct the file.")
     return None
@@ -283,7 +290,9 @@ def flattened(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 
 
 def refusal(value: Any, kind: Kind) -> str:
-    """What a message says of a value of another kind."""
+    """What a message says of a value of another kind: of a list, of its first wrong item."""
+    if kind.of and isinstance(value, list) and (wrong := [item for item in value if not kind.of.accepts(item)]):
+        return f"{found(wrong[0])} found in the list, {kind.of.name} expected. Correct the value."
     is_large = kind in (COUNT, INDEX) and is_integer(value) and value > MOST
     limit = f", at most {MOST} (2^53)," if is_large else ""
     return f"{found(value)} found, {kind.name}{limit} expected. Correct the value."
@@ -291,7 +300,7 @@ def refusal(value: Any, kind: Kind) -> str:
 
 def found(value: Any) -> str:
     """How a message names a value that was not expected."""
-    if isinstance(value, (dict, list)):
+    if isinstance(value, dict) or (isinstance(value, list) and any(isinstance(item, dict) for item in value)):
         return "a table" if isinstance(value, dict) else "a list"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
@@ -300,4 +309,5 @@ def found(value: Any) -> str:
     if isinstance(value, str) and "\0" in value:
         return "a text with a NUL character"
     text = f'"{value}"' if isinstance(value, str) else f"{value}"
+    text = json.dumps(value, ensure_ascii=False, default=str) if isinstance(value, list) else text
     return f"`{text}`" if len(text) <= LONGEST else f"`{text[:LONGEST]}...`"

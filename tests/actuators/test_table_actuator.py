@@ -11,8 +11,8 @@ from static_table import FILE, FLUX_LINKAGES, GAPS, current, write
 
 from gapsense import TableActuator
 from gapsense.actuators import reluctance_actuator, table_actuator
+from gapsense.actuators.surface import surface, surface_patch
 from gapsense.fmi.components import kernel_parameters, load_component, own
-from gapsense.kernels.interpolate import surface, surface_patch
 from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE, driven
 

@@ -37,7 +37,7 @@ def test_input_and_seed_that_the_file_states_are_replaced_there(write, chain, fm
         ("sourc.slope=1", "--set, sourc.slope: there is no component `sourc`. Did you mean `source`?"),
         ("source.slope=fast", 'components.source (from --set): `slope` is `"fast"`, a value of type Real is expected'),
         ("source.slope=nan", "--set, source.slope: `nan` found, a finite number"),
-        ("source.slope=[1]", "--set, source.slope: a list found, a finite number"),
+        ("source.slope=[1]", "--set, source.slope: `[1]` found, a finite number"),
         ("source.table.file=none.csv", "--set, source.table.file: there is no file"),
         ("source.y=1", "(from --set): `y` is not a parameter but has the causality `output`"),
         ("lag.u=true", "inputs.lag.u: `true` found, a value of type Real is expected"),

@@ -5,7 +5,8 @@ from dataclasses import replace
 import pytest
 
 from gapsense.cosim import ScenarioError, check, prepare, run
-from gapsense.cosim.check import check_scenario
+from gapsense.cosim.check import check_scenario, limits
+from gapsense.cosim.fmu.descriptions import describe
 
 SECOND = '[[connections]]\nfrom = "lag.y"\nto = "gain.u"\n'
 SHORT = '[connect]\n"gain.u" = "lag.y"\n'
@@ -103,8 +104,8 @@ def test_metric_uses_what_is_recorded(write, chain, fmus, lines, expected):
         ('"lag.time.constant" = [0.1, 0.0, -1.0]', ["is 0.0, 0.001 to 1000 s", "is -1.0, 0.001 to 1000 s"]),
         ('"lag.u" = [1.0]', ["`lag.u` is driven 2 times, by connections[0], sweep.lag.u"]),
         ('"source.slope" = 1.0', ["`1.0` found, a list of finite numbers, truth values or texts expected"]),
-        ('"source.slope" = []', ["a list found, a list of finite numbers"]),
-        ('"source.slope" = [[1.0]]', ["a list found, a list of finite numbers"]),
+        ('"source.slope" = []', ["`[]` found, a list of finite numbers"]),
+        ('"source.slope" = [[1.0]]', ["`[1.0]` found in the list, a finite number"]),
         ('"source.slope" = [1.0, 2.0, 1]', ["sweep.source.slope: the same value is given twice"]),
         ('"source.slope" = [1.0]\nsource.slope = [2.0]', ["given twice, once as a dotted key and once in a table"]),
         ("slope = [1.0]", ["`slope` found, `component.variable` expected"]),
@@ -167,6 +168,21 @@ def test_check_covers_the_variants(write, chain, fmus):
     found = check(write(chain + "[variants.bad]\ncomponents.source.set.slop = 1\n"), fmus=fmus)
     assert len(found) == 1
     assert found[0].startswith("variant bad: ")
+
+
+def test_misspelt_component_of_a_variant_is_no_missing_file(write, chain, fmus):
+    found = check(write(chain + "[variants.bad]\ncomponents.soruce.set.slope = 1\n"), fmus=fmus)
+    assert [text.partition(".toml, ")[2] for text in found] == [
+        "components.soruce: there is nothing of it but this. Did you mean `source`?",
+        "components.soruce.fmu: missing; a text is expected. Add it.",
+    ]
+
+
+def test_limit_on_one_side_is_told_without_infinity(fmus):
+    u = describe(fmus / "Lag.fmu").variables["u"]
+    ends = [(0.5, None), (None, 2.0), (0.5, 2.0)]
+    told = [limits(replace(u, min=low, max=high)) for low, high in ends]
+    assert told == ["at least 0.5 V", "at most 2 V", "0.5 to 2 V"]
 
 
 APART = 'isolation = "process"'

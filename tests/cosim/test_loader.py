@@ -88,7 +88,8 @@ def test_all_problems_come_at_once(write, chain):
         ("stop = 1.0", "stop = 1.0\npace = true", ["experiment.pace", "`true` found"]),
         ('fmu = "Lag"', 'fmu = "Lag"\noffset = -1', ["components.lag.offset", "at least 0"]),
         ('fmu = "Lag"', 'fmu = "Lag"\nstep = 1.5', ["components.lag.step", "`1.5` found", "whole number"]),
-        ('fmu = "Lag"', 'fmu = "Lag"\nset = { a = [1] }', ["components.lag.set.a", "a list found"]),
+        ('fmu = "Lag"', 'fmu = "Lag"\nparameters = ["a.toml", 3]', ["lag.parameters: `3` found in the list, a text"]),
+        ('fmu = "Lag"', 'fmu = "Lag"\nset = { a = [1] }', ["components.lag.set.a", "`[1]` found"]),
         ('fmu = "Lag"', 'fmu = "Lag"\nset = { a = nan }', ["components.lag.set.a", "`nan` found"]),
         ('fmu = "Lag"', 'fmu = "Lag"\nparameters = ["none.toml"]', ["none.toml", "no such file"]),
         ('fmu = "Lag"', 'fmu = "Lag"\nset = { "table.file" = "no.csv" }', ["table.file", "there is no file"]),
@@ -97,7 +98,7 @@ def test_all_problems_come_at_once(write, chain):
         ('from = "lag.y"', 'from = "lag"', ["connections[1].from", "`component.variable` expected"]),
         ('from = "lag.y"', 'form = "lag.y"', ["connections[1].f", "missing", "unknown key"]),
         (SECOND, '[connect]\n"gain.u" = 3\n', ["connect.gain.u", "`3` found, a text expected"]),
-        (SECOND, '[connect.gain.u]\nfrom = ["lag.y"]\n', ["connect.gain.u.from", "a list found, a text expected"]),
+        (SECOND, '[connect.gain.u]\nfrom = ["lag.y"]\n', ["connect.gain.u.from", '`["lag.y"]` found, a text expected']),
         (SECOND, '[connect]\n"gain.u" = "lag"\n', ["connect.gain.u: `lag` found, `component.variable` expected"]),
         (SECOND, '[connect]\ngain = "lag.y"\n', ["connect.gain: `gain` found, `component.variable` expected"]),
         (SECOND, '[connect]\n"gain.u" = "lag.y"\ngain.u = "lag.y"\n', ["connect.gain.u", "given twice"]),
@@ -145,6 +146,14 @@ def test_duplicate_key_is_refused_with_its_line(write, chain):
     message = only(write(chain.replace("stop = 1.0", "stop = 1.0\nstop = 2.0")))
     assert "line 6" in message
     assert "only once" in message
+
+
+def test_other_slip_in_toml_is_not_told_of_keys_given_twice(write, chain):
+    assert only(write(chain.replace("stop = 1.0", "stop 1.0"))).endswith("(at line 5, column 6). Correct that line.")
+
+
+def test_byte_order_mark_of_windows_is_taken(write, chain):
+    assert load(write("\ufeff" + chain)).title == load(write(chain)).title
 
 
 def test_file_that_is_no_utf8_or_missing_is_named(tmp_path):

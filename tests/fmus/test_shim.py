@@ -177,6 +177,13 @@ def test_logging_can_be_off(c_host: Path, stock: Path) -> None:
     assert "LOG" not in run.stdout
 
 
+@pytest.mark.parametrize("name", ["Raiser", "InitRaiser"])
+def test_error_is_told_even_without_logging(c_host: Path, stock: Path, name: str) -> None:
+    """Many hosts leave logging off, and then show nothing but the name of the call that failed."""
+    run = in_host(c_host, stock / name, options="-q")
+    assert run.stdout.count("LOG ") == 1 and f"LOG model 3 logStatusError `model` ({name}): ValueError" in run.stdout
+
+
 @pytest.mark.parametrize(("name", "text"), [("Raiser", "cannot go on, 50 %s done %n"), ("InitRaiser", "bad start")])
 def test_exception_is_an_error_and_nothing_worse(c_host: Path, stock: Path, name: str, text: str) -> None:
     run = in_host(c_host, stock / name, options="-c 2 -t 2")
@@ -266,7 +273,8 @@ print(load(raiser, "Raiser", 5), load(raiser, "Raiser", 5), load(lag, "Lag", 10)
 def test_copies_of_an_fmu_that_a_host_unpacks_anew_share_what_cannot_be_unloaded(stock: Path, tmp_path: Path) -> None:
     done = in_python(ANEW, tmp_path, stock / "Lag.fmu", stock / "Raiser.fmu")
     assert done.returncode == 0, done
-    first, second = done.stdout.splitlines()
+    first, *told, second = done.stdout.splitlines()  # FMPy prints what it is told, with logging off, too
+    assert "ValueError" in told[0]
     grown, kept, different, value = map(float, first.split())
     assert grown <= 3  # mappings; it were 17 for each load
     assert kept < 30_000  # bytes for each load, 10,000 in fact; it were 350,000

@@ -66,6 +66,24 @@ def test_columns_of_other_names_are_named_by_the_user(tmp_path):
     file = write(tmp_path / "a.csv", seed=1, header="time [s],u1 [V],ch2 [A]")
     assert read_record(file, Reading({"voltage": "u1", "current": "ch2"})).current.size > 600
     assert "`--column voltage=NAME`" in problems(file)[0]
+    german = write(tmp_path / "b.csv", seed=1, header="Zeit [s],Spannung [V],Strom [A]")
+    names = {"time": "Zeit", "voltage": "Spannung", "current": "Strom"}
+    assert read_record(german, Reading(names)).current.size > 600
+    assert "`--column time=NAME`" in problems(german)[0]
+    with pytest.raises(ValueError, match="--column zeit: there is no such quantity"):
+        read_record(german, Reading({"zeit": "Zeit"}))
+
+
+def test_file_without_rows_or_without_heads_is_told_as_what_it_is(tmp_path):
+    rows = write(tmp_path / "a.csv", seed=1).read_text(encoding="utf-8").splitlines()
+    for name, lines, said in (
+        ("empty", [], "it is empty. Write `time"),
+        ("heads", rows[:1], "no row has two numbers, so it is not a record. Record some, below its heads."),
+        ("rows", rows[1:], "row 1: numbers found, the names of the columns expected. Write `time"),
+    ):
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines), encoding="utf-8")
+        (found,) = problems(tmp_path / f"{name}.csv")
+        assert said in found
 
 
 MALFORMED = {
@@ -74,7 +92,7 @@ MALFORMED = {
     "no unit": (cell(1, 2, "current"), [r"row 1, column 3: `current` has no unit"]),
     "NaN": (cell(7, 2, "nan"), [r"row 7: `current` is `nan`, a finite number"]),
     "text": (cell(8, 1, "on"), [r"row 8: `voltage` is `on`"]),
-    "empty cell": (cell(9, 0, ""), [r"row 9: `time` is ``"]),
+    "empty cell": (cell(9, 0, ""), [r"row 9: `time` is empty, .* interpolate it"]),
     "decimal comma": (cell(9, 2, "0,1"), [r"row 9: 4 cells found, 3 expected.*point, not a comma.*--decimal ,"]),
     "repeated row": (lambda lines: lines.insert(20, lines[19]), [r"row 21: `time` is .* 0 s after the row before"]),
     "missing row": (lambda lines: lines.pop(30), [r"row 31: `time` is .* 0.0001 s after .* steps of 5e-05 s"]),

@@ -76,7 +76,7 @@ def fmu(folder: Path) -> Fmu:
 class Instance:
     """One instance, with the messages that it gave."""
 
-    def __init__(self, fmu: Fmu, name: str = "one") -> None:
+    def __init__(self, fmu: Fmu, name: str = "one", logging: bool = True) -> None:
         self.fmu, self.log = fmu, []  # type: ignore[var-annotated]
         self.slave = FMU3Slave(
             guid=fmu.description.guid,
@@ -84,7 +84,7 @@ class Instance:
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
             instanceName=name,
         )
-        self.slave.instantiate(loggingOn=True, logMessage=self._keep)
+        self.slave.instantiate(loggingOn=logging, logMessage=self._keep)
         self.inputs, self.outputs = fmu.references("input"), fmu.references("output")
 
     def _keep(self, _: Any, status: int, category: bytes, text: bytes) -> None:

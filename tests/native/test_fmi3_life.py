@@ -166,6 +166,16 @@ def test_instantiation_is_refused_with_one_sentence(attribute: str, value: str, 
     assert words in text
 
 
+@pytest.mark.parametrize("is_off_later", [False, True])
+def test_error_is_told_even_without_logging(is_off_later: bool) -> None:
+    instance = Instance(fmu(EKF), logging=is_off_later)
+    if is_off_later:
+        instance.slave.setDebugLogging(False, [])
+    instance.set({"coil.resistance": -3.0})
+    instance.slave.enterInitializationMode()
+    assert "`coil.resistance` is -3.0" in instance.refused("exitInitializationMode")
+
+
 def test_model_exchange_and_scheduled_execution_are_refused() -> None:
     slave, log = Instance(fmu(SEMERA)).slave, []
     kind = type(slave.logMessage)

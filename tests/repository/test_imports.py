@@ -19,7 +19,7 @@ from gapsense.cli import app
 
 OF_KERNELS = (  # in order: each may import those before it
     "version", "units", "ports", "layout", "interface", "trace", "elementary", "emit", "derivative", "linalg",
-    "integrate", "interpolate", "random", "kernel",
+    "integrate", "random", "kernel",
 )  # fmt: skip
 OF_FILES = (  # likewise
     "version", "offered", "shipped", "native", "problems", "locks", "files", "tables", "parameters",

@@ -45,12 +45,28 @@ def test_reader_of_parameters_sections_sees_all_of_them():
     assert sum(documented(ast.get_docstring(f) or "") is not None for p in PYTHON for _, f in functions(p)) > 15
 
 
+def test_records_of_five_fields_or_more_are_made_with_keywords():
+    wrong = [
+        f"{name_of(path)}:{node.lineno} {called(node)}"
+        for path in PYTHON
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Call) and re.match("[A-Z][a-z]", called(node))
+        if sum(not isinstance(argument, ast.Starred) for argument in node.args) >= 5
+    ]
+    assert not wrong
+
+
+def called(node: ast.Call) -> str:
+    """The last name of what is called."""
+    return getattr(node.func, "attr", getattr(node.func, "id", ""))
+
+
 def test_kernels_add_in_order():
     """Since Python 3.12 `sum` corrects the rounding of floats, which generated code does not: other bits."""
     kernels = [p for folder in ("actuators", "estimators", "drive", "sensor") for p in (SRC / folder).rglob("*.py")]
     wrong = [
         f"{name_of(path)}:{node.lineno} uses sum(), not linalg.total()"
-        for path in (*(SRC / "kernels" / f"{name}.py" for name in ("linalg", "integrate", "interpolate")), *kernels)
+        for path in (*(SRC / "kernels" / f"{name}.py" for name in ("linalg", "integrate", "elementary")), *kernels)
         for node in ast.walk(tree(path))
         if isinstance(node, ast.Name) and node.id == "sum"
     ]

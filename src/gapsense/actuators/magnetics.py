@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from gapsense.kernels.elementary import log
-from gapsense.kernels.interpolate import Cubic, cubic, spline_piece
+from gapsense.kernels.elementary import Cubic, cubic, log, spline_piece
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.trace import cond, fabs, load, locate, square, where
 

@@ -17,9 +17,9 @@ from gapsense.actuators import hysteresis, motion, reluctance_actuator, table_st
 from gapsense.actuators.motion import MOVING
 from gapsense.actuators.reluctance_actuator import MICRO_STEPS, actuator_of
 from gapsense.actuators.reluctance_steps import Losses
+from gapsense.actuators.surface import Surface
 from gapsense.actuators.table_steps import Contact, Continuous, Device, device_of, micro_step
 from gapsense.kernels.interface import COLUMN, choice, fixed, option, output, parameter, ports, same, table
-from gapsense.kernels.interpolate import Surface
 from gapsense.kernels.layout import Array, Choice, Scalar, Table, blank
 from gapsense.kernels.trace import clip, loop, where
 

@@ -29,8 +29,8 @@ from gapsense.actuators.reluctance_steps import (
     magnetic_rates,
     switch,
 )
+from gapsense.actuators.surface import Patch, Surface, surface, surface_patch
 from gapsense.kernels.integrate import least, next_part, rk4_until
-from gapsense.kernels.interpolate import Patch, Surface, surface, surface_patch
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import cond, fabs, load, locate, not_, sqrt, square, where
 

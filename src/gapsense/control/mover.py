@@ -48,8 +48,15 @@ class Motion(NamedTuple):
 
 def make_mover(par: Any) -> Mover:
     """The mover by the parameters of a controller."""
-    springs = (par.spring_stiffness, par.spring_rest)
-    return Mover(make_gap(par), par.gap_factor, par.gap_bend, *springs, par.mover_mass, par.damping)
+    return Mover(
+        gap=make_gap(par),
+        factor=par.gap_factor,
+        bend=par.gap_bend,
+        stiffness=par.spring_stiffness,
+        rest=par.spring_rest,
+        mass=par.mover_mass,
+        damping=par.damping,
+    )
 
 
 def force(z: Scalar, m: Mover) -> Scalar:

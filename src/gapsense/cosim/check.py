@@ -153,6 +153,8 @@ def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> di
     out = {}
     own = OWN % (" --native" if NATIVE_FOLDER.name in fmus.parts[-2:] else "")
     for name, component in scenario.components.items():
+        if not component.fmu:  # which reading has told
+            continue
         path = find_fmu(component.fmu, scenario.path, fmus)
         remedy = FOREIGN if component.fmu.endswith(".fmu") else own
         if path not in known:
@@ -708,7 +710,9 @@ def limits(variable: Variable) -> str:
     """Limits of a variable as messages name them."""
     low, high = ends(variable)
     unit = f" {variable.unit}" if variable.unit else ""
-    return f"{'-inf' if low is None else f'{low:.10g}'} to {'inf' if high is None else f'{high:.10g}'}{unit}"
+    if low is None or high is None:
+        return f"at most {high:.10g}{unit}" if low is None else f"at least {low:.10g}{unit}"
+    return f"{low:.10g} to {high:.10g}{unit}"
 
 
 # Parameters of the FMUs in the same folders: a parameter set may have values for other components.

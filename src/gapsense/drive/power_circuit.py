@@ -267,7 +267,15 @@ def _conduct(
     path = _either(is_past, track.path, path)
     is_blocked = (is_past & is_set(track.is_blocked)) | (not_(is_past) & is_blocked)
     track = Track(where(is_first, dt - left, track.edge), path, flag(is_blocked))
-    return Way(path, positive, negative, is_ahead, is_free, is_blocked, is_past), track
+    return Way(
+        path=path,
+        ahead=positive,
+        back=negative,
+        is_ahead=is_ahead,
+        is_free=is_free,
+        is_blocked=is_blocked,
+        is_past=is_past,
+    ), track
 
 
 def _margins(net: Net, coil: Coil, command: Command, gates: Gates, way: Way) -> Callable[[Stores, Scalar], Scalar]:

@@ -173,7 +173,7 @@ class Outputs(NamedTuple):
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """All switches off, capacitors charged, no current from the supply."""
     a = 1.0 / par.coil_inductance
-    net, learnt = net_of(par), Learnt(a, 0.0, a * a, 0.0, 0.0, 0.0, 0.0)
+    net, learnt = net_of(par), Learnt(inverse=a, drift=0.0, P_a=a * a, P_both=0.0, P_F=0.0, trend=0.0, inner=0.0)
     coil = _coil(par, learnt)
     m = inputs.coil_current * (1.0 + coil.resistance * coil.conductance)
     stores = Stores(magnetizing=m, supply=0.0, link=par.supply_voltage, boost=par.boost_voltage)
@@ -215,12 +215,12 @@ def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outp
         edge, half = soon + track.edge, 0.5 * dt
         is_coarse = conducts & (guessed > COARSE * par.supply_voltage) & (dt > LONG)
         edge = where(is_coarse & (edge > half), half, edge)
-        return Trial(drift, change, missing, then, edge, held, m), is_done
+        return Trial(drift=drift, change=change, missing=missing, then=then, edge=edge, held=held, m=m), is_done
 
-    found = loop(PASSES, closer, Trial(plain.drift, 0.0, 0.0, at, dt, 0.0, 0.0))
+    found = loop(PASSES, closer, Trial(drift=plain.drift, change=0.0, missing=0.0, then=at, edge=dt, held=0.0, m=0.0))
     then, held, m = found.then, found.held, found.m
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0)
-    last = State(at, *command, dt, held, start, 0.0, flag(is_steady), state.learnt)
+    last = State(at, *command, step=dt, held=held, began=start, inside=0.0, steady=flag(is_steady), learnt=state.learnt)
     learnt = cond(dt > LONG, lambda: _learn(last, m, par), lambda: state.learnt._replace(trend=0.0))
     return last._replace(at=then, began=m, learnt=learnt), _outputs(net, then, held, learnt.inverse, found.edge)
 
@@ -258,7 +258,17 @@ def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs:
     outputs = _outputs(net, then, held, coil.inverse, track.edge)
     is_inside = not_(power_circuit.is_over(then.gates.age_a, dt))
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
-    return State(at, *command, dt, held, m, flag(is_inside), flag(is_steady), learnt), outputs
+    state = State(
+        at,
+        *command,
+        step=dt,
+        held=held,
+        began=m,
+        inside=flag(is_inside),
+        steady=flag(is_steady),
+        learnt=learnt,
+    )
+    return state, outputs
 
 
 def _outputs(net: Net, at: Circuit, held: Scalar, inverse: Scalar, edge: Scalar) -> Outputs:
@@ -319,7 +329,15 @@ def _learn(state: State, m: Scalar, par: Parameters) -> Learnt:
     drift = _drive(after, state.began, m, state.step) - inverse * inner
     is_steady = is_set(state.steady) & (fabs(v - learnt.inner) < STEADY * par.supply_voltage)
     trend = where(is_steady, unforeseen, 0.0)
-    return Learnt(inverse, drift, P_a - S_a * S_a / S, P_both - S_a * S_F / S, P_F - S_F * S_F / S, trend, v)
+    return Learnt(
+        inverse=inverse,
+        drift=drift,
+        P_a=P_a - S_a * S_a / S,
+        P_both=P_both - S_a * S_F / S,
+        P_F=P_F - S_F * S_F / S,
+        trend=trend,
+        inner=v,
+    )
 
 
 def _coil(par: Parameters, learnt: Learnt) -> Coil:

@@ -376,7 +376,9 @@ def _defaults(design: Design) -> str:
 
 
 def _body(design: Design, graph: Graph) -> list[str]:
-    return Function(graph, design.real, table_sizes(design), design.memories(), design.is_baked).body()
+    return Function(
+        graph=graph, real=design.real, sizes=table_sizes(design), memories=design.memories(), is_baked=design.is_baked
+    ).body()
 
 
 def _function(design: Design, graph: Graph) -> str:

@@ -161,7 +161,15 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     last = Operation(
         takeoff_time=inputs.time, landing_time=inputs.time, impact_speed=0.0, bounces=0.0, rest_time=inputs.time
     )
-    state = State(filtered, *motions.nothing(inputs.time), kinks.nothing(), last, 0.0, kinks.untold(), zeros(SIZE))
+    state = State(
+        filtered,
+        *motions.nothing(inputs.time),
+        kink=kinks.nothing(),
+        last=last,
+        is_doubtful=0.0,
+        told=kinks.untold(),
+        samples=zeros(SIZE),
+    )
     return state, Outputs(filter=outputs, smoothed_published=0.0, smoothed_time=inputs.time, smoothed=rest, last=last)
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
-from gapsense.kernels.elementary import log
-from gapsense.kernels.interpolate import spline
+from gapsense.kernels.elementary import log, spline
 from gapsense.kernels.layout import Array, Scalar, Table
 from gapsense.kernels.trace import cond, square, where
 

@@ -14,9 +14,8 @@ from typing import Annotated, NamedTuple
 
 from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy
 from gapsense.estimators.readings import RANGE_CURRENT, RANGE_INNOVATION, RANGE_VOLTAGE
-from gapsense.kernels.elementary import exp, log
+from gapsense.kernels.elementary import exp, log, spline
 from gapsense.kernels.interface import COLUMN, choice, fixed, option, parameter, ports, sample_time, table
-from gapsense.kernels.interpolate import spline
 from gapsense.kernels.layout import Array, Choice, Scalar, Table
 from gapsense.kernels.linalg import vector
 from gapsense.kernels.trace import clip, cond, fabs, is_traced, square, where

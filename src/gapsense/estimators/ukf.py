@@ -200,7 +200,15 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     (voltage, _), is_whole = _read(inputs, 0.0, par)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(estimate.mean, estimate.cov, voltage, R, 0.0, Alone(estimate.mean, 0.0), unknown())
+    state = State(
+        x=estimate.mean,
+        P=estimate.cov,
+        voltage=voltage,
+        resistance=R,
+        hysteresis=0.0,
+        alone=Alone(estimate.mean, 0.0),
+        usual=unknown(),
+    )
     return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
 
@@ -238,7 +246,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     hysteresis = where(is_sound, hysteresis, 0.0)
     R = readings.believed(inputs.resistance, par.coil_resistance)
-    state = State(estimate.mean, estimate.cov, voltage, R, hysteresis, alone, usual)
+    state = State(
+        x=estimate.mean, P=estimate.cov, voltage=voltage, resistance=R, hysteresis=hysteresis, alone=alone, usual=usual
+    )
     return state, _outputs(estimate, innovation, S, health, par)
 
 

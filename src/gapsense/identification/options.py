@@ -56,7 +56,11 @@ OPTIONS = {
     "period": Option("Length of an operation in s", float, "{}; by default operations end at rest", "to rest"),
     "resistance": Option("Resistance of the coil in Ohm, measured with a meter", float),
     "turns": Option(
-        "Turns of the coil", float, "{}, by default those of `parameters`", "of --parameters", (1e-9, None)
+        what="Turns of the coil",
+        kind=float,
+        here="{}, by default those of `parameters`",
+        without="of --parameters",
+        limits=(1e-9, None),
     ),
     "current": Option("Current of all rows in A", float, without="column `current`", limits=(1e-9, None)),
     "symmetry": Option("The table is of one of so many equal parts of the device", int, limits=(1, 1000)),

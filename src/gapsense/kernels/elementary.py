@@ -1,13 +1,14 @@
-"""exp, log and tanh of our own: with the same bits on every machine, in every language, and below 1 ulp wrong.
+"""Functions of one variable: exp, log and tanh of our own, and cubic splines through the rows of a table.
 
-C libraries round these functions each in their own way.  Here they are basic operations of IEEE 754 in a fixed order,
+Exp, log and tanh have the same bits on every machine and in every language, and are below 1 ulp wrong.  C
+libraries round these functions each in their own way.  Here they are basic operations of IEEE 754 in a fixed order,
 written once: run on floats they are the reference, traced they become the functions that generated code brings along.
 
     exp    x = n ln 2 + r, |r| <= ln(2) / 2;  exp(r) = 1 + r + r c / (2 - c), c = r - r^2 E(r^2);  times 2^n
     log    x = 2^n m, sqrt(1/2) <= m <= sqrt(2);  log(m) = 2 artanh(s), s = (m - 1) / (m + 1), by L(s^2);  plus n ln 2
     tanh   near zero x + x z P(z) / Q(z), z = x^2;  else 1 - 2 / (exp(2 x) + 1), the rounding of both sums put right
 
-E, L, P and Q interpolate at Chebyshev nodes, computed in 60 digits.
+E, L, P and Q interpolate at Chebyshev nodes, computed in 60 digits.  Splines have a continuous second derivative.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
-from gapsense.kernels.trace import clip, cond, exponent, fabs, mantissa, operation, scaled, sqrt, where
+from gapsense.kernels.layout import Array, Scalar
+from gapsense.kernels.trace import clip, cond, exponent, fabs, load, locate, mantissa, operation, scaled, sqrt, where
 
 INVERSE_LN2, SQRT2 = 1.4426950408889634, 1.4142135623730951
 
@@ -155,3 +157,56 @@ def _in_double(name: str, x: float) -> Any:
 
 FORMULAS: dict[str, Callable[[Any, Format], Any]] = {"exp": _exp, "log": _log, "tanh": _tanh}
 exp, log, tanh = (operation(name, partial(_in_double, name)) for name in FORMULAS)
+
+
+class Cubic(NamedTuple):
+    """A polynomial of degree 3 around a place."""
+
+    place: Scalar
+    value: Scalar
+    slope: Scalar
+    curvature: Scalar  # second derivative there
+    change: Scalar  # third derivative
+
+
+def spline_piece(x: Scalar, knots: Array, values: Array, curvatures: Array) -> Cubic:
+    """The piece of a spline that holds at `x`; beyond its ends the second derivative stays.
+
+    Parameters
+    ----------
+    x : scalar
+        Where.
+    knots, values, curvatures : tables
+        Increasing places, at least two; the values and the second derivatives of the spline there.
+    """
+    k = locate(knots, x)
+    ends = [load(column, k, shift) for column in (knots, values, curvatures) for shift in (0, 1)]
+    return piece(x, *ends)
+
+
+def piece(x: Scalar, left: Scalar, right: Scalar, y: Scalar, y_next: Scalar, c: Scalar, c_next: Scalar) -> Cubic:
+    """The piece between two places, from the values and second derivatives there."""
+    width = right - left
+    mean, sixth = (y_next - y) / width, width / 6.0
+    is_above = x > right
+    return Cubic(
+        place=where(is_above, right, left),
+        value=where(is_above, y_next, y),
+        slope=where(is_above, mean + sixth * (c + 2.0 * c_next), mean - sixth * (2.0 * c + c_next)),
+        curvature=where(is_above, c_next, c),
+        change=where((x < left) | is_above, 0.0, (c_next - c) / width),
+    )
+
+
+def cubic(x: Scalar, at: Cubic) -> tuple[Scalar, Scalar, Scalar]:
+    """Value, first and second derivative."""
+    t = x - at.place
+    half = 0.5 * t
+    curvature = at.curvature + at.change * t
+    slope = at.slope + half * (at.curvature + curvature)
+    return at.value + t * (at.slope + half * (at.curvature + at.change * (t / 3.0))), slope, curvature
+
+
+def spline(x: Scalar, knots: Array, values: Array, curvatures: Array) -> tuple[Scalar, Scalar, Scalar]:
+    """Value, first and second derivative of a spline; the parameters are those of `spline_piece`."""
+    return cubic(x, spline_piece(x, knots, values, curvatures))

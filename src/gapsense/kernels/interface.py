@@ -37,7 +37,8 @@ class Same(NamedTuple):
     feedthrough: tuple[str, ...]
 
 
-COLUMN: Any = Port("", "column", "1", "", [])  # a further column of the table in the field before
+# a further column of the table in the field before
+COLUMN: Any = Port(name="", causality="column", unit="1", description="", start=[])
 
 
 # the ports of fields; they are Any, as the fields are
@@ -45,7 +46,15 @@ COLUMN: Any = Port("", "column", "1", "", [])  # a further column of the table i
 
 def input_(unit: str, description: str, *, nominal: float = 1.0, start: float = 0.0, **more: Any) -> Any:
     """A real input."""
-    return Port(more.pop("name", ""), "input", unit, description, start, nominal=nominal, **more)
+    return Port(
+        name=more.pop("name", ""),
+        causality="input",
+        unit=unit,
+        description=description,
+        start=start,
+        nominal=nominal,
+        **more,
+    )
 
 
 def measured(unit: str, description: str, **more: Any) -> Any:
@@ -56,13 +65,30 @@ def measured(unit: str, description: str, **more: Any) -> Any:
 def output(unit: str, description: str, *, nominal: float = 1.0, **more: Any) -> Any:
     """A real output, valid at the end of the step."""
     more = {"feedthrough": HERE, **more}
-    return Port(more.pop("name", ""), "output", unit, description, None, nominal=nominal, **more)
+    return Port(
+        name=more.pop("name", ""),
+        causality="output",
+        unit=unit,
+        description=description,
+        start=None,
+        nominal=nominal,
+        **more,
+    )
 
 
 def parameter(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
     """A real parameter that may be changed during a run; its nominal value is its start value."""
     more = {"variability": "tunable", **more}
-    return Port(more.pop("name", ""), "parameter", unit, description, start, min, nominal=abs(start) or 1.0, **more)
+    return Port(
+        name=more.pop("name", ""),
+        causality="parameter",
+        unit=unit,
+        description=description,
+        start=start,
+        min=min,
+        nominal=abs(start) or 1.0,
+        **more,
+    )
 
 
 def fixed(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
@@ -79,17 +105,44 @@ def sample_time(start: float) -> Any:
 def seed() -> Any:
     """The seed of a component's random numbers."""
     text = "Seed of the random numbers: the same seed gives the same bits"
-    return Port("seed", "parameter", "1", text, 1, 0, 2**31 - 1, 1.0, "Integer", "fixed")
+    return Port(
+        name="seed",
+        causality="parameter",
+        unit="1",
+        description=text,
+        start=1,
+        min=0,
+        max=2**31 - 1,
+        nominal=1.0,
+        kind="Integer",
+        variability="fixed",
+    )
 
 
 def option(description: str, start: bool, name: str = "") -> Any:
     """A Boolean parameter."""
-    return Port(name, "parameter", "1", description, start, kind="Boolean", variability="fixed")
+    return Port(
+        name=name,
+        causality="parameter",
+        unit="1",
+        description=description,
+        start=start,
+        kind="Boolean",
+        variability="fixed",
+    )
 
 
 def choice(description: str, name: str = "") -> Any:
     """A String parameter whose values are the names of the `Choice` in its annotation, the first by default."""
-    return Port(name, "parameter", "1", description, 0.0, kind="String", variability="fixed")
+    return Port(
+        name=name,
+        causality="parameter",
+        unit="1",
+        description=description,
+        start=0.0,
+        kind="String",
+        variability="fixed",
+    )
 
 
 def table(description: str, columns: tuple[str, ...], start: str, name: str = "") -> Any:
@@ -97,7 +150,16 @@ def table(description: str, columns: tuple[str, ...], start: str, name: str = ""
 
     It stands at the field of the first column; those of the others are `COLUMN`.  A file is no default: that is empty.
     """
-    return Port(name, "parameter", "1", description, start, kind="String", variability="fixed", columns=columns)
+    return Port(
+        name=name,
+        causality="parameter",
+        unit="1",
+        description=description,
+        start=start,
+        kind="String",
+        variability="fixed",
+        columns=columns,
+    )
 
 
 def part(feedthrough: tuple[str, ...] = HERE) -> Any:

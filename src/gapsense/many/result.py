@@ -241,4 +241,4 @@ def read_campaign(folder: str | Path, hold: bool = False) -> Campaign:
     about = store.about
     if about is None or about.get("format") != FORMAT:
         raise InputError([f"{folder / FILE}: not a campaign of this version, or damaged. Choose another folder."])
-    return Campaign(folder, store, about, from_facts(about["columns"]), store.count())
+    return Campaign(folder=folder, store=store, about=about, columns=from_facts(about["columns"]), rows=store.count())

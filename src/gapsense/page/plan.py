@@ -128,7 +128,10 @@ def wires(subject: Subject, layout: Layout, component: Component, k: int) -> Wir
     scenario, experiment = subject.scenario, subject.scenario.experiment
     found = layout.wires(scenario.connections, component.name)
     is_fed = bool(found) or any(port.component == component.name for port in scenario.played)
-    found += [Wire(slot.after, slot.before, False, 1.0, 0.0) for slot in layout.slots_of(component.name).values()]
+    found += [
+        Wire(target=slot.after, source=slot.before, converts=False, factor=1.0, bias=0.0)
+        for slot in layout.slots_of(component.name).values()
+    ]
     links = [f"{{{w.target}, {w.source}, {int(w.converts)}, {w.factor!r}, {w.bias!r}}}" for w in found]
     inputs, outputs = (layout.of(component.name, causality) for causality in ("input", "output"))
     references = [layout.variables[port].reference for port in (*inputs, *outputs)]

@@ -75,7 +75,13 @@ def content(package: Package, folder: Path, problems: list[str], notes: list[str
     fmus = take_fmus(package, components, folder, problems)
     descriptions = described_all(components, fmus, folder, problems)
     units = all_units(root, list({d.path: None for d in descriptions.values()}), problems)
-    reader = Reader(package, units, {path: d.variables for path, d in descriptions.items()}, problems, notes)
+    reader = Reader(
+        package=package,
+        units=units,
+        known={path: d.variables for path, d in descriptions.items()},
+        problems=problems,
+        notes=notes,
+    )
     reader.read(outer)
     reader.finish()
     wiring = Wiring(outer, units, problems)

@@ -129,7 +129,17 @@ class Block:
             if problems:
                 self.lose(lane)
             view = self.values[:, lane]
-            self.directors.append(Director(events, model.experiment, parts, model.layout, view, take.seeds, marks))
+            self.directors.append(
+                Director(
+                    events=events,
+                    experiment=model.experiment,
+                    parts=parts,
+                    places=model.layout,
+                    buffer=view,
+                    seeds=take.seeds,
+                    marks=marks,
+                )
+            )
 
     def start_inputs(self) -> None:
         """Set the inputs that components have before anything is connected."""

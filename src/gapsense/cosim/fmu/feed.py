@@ -47,7 +47,7 @@ def feed(
         stack.callback(instance.close)
         instance.initialize(values, start, start + (len(samples) - 1) * step)
         buffer = array("d", [float(variable.start or 0.0) for variable in layout.variables.values()])
-        part = Part(Component(name, fmu.stem), instance, buffer, layout, {})
+        part = Part(component=Component(name, fmu.stem), instance=instance, buffer=buffer, places=layout, texts={})
         rows = run(part, [layout.index[Port(name, n)] for n in inputs], samples, start, step)
         instance.call("fmi2Terminate")
     return {port.variable: rows[:, j].copy() for j, port in enumerate(part.outputs)}

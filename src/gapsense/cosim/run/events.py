@@ -200,12 +200,12 @@ def actors(
     """What each of the events of `Subject.resolved` does."""
     return {
         name: Actor(
-            event,
-            experiment,
-            components[event.target.component],
-            int(name in places.slots),
-            watch(event, places),
-            seeds.get(event.seed_name, event.seed),
+            event=event,
+            experiment=experiment,
+            component=components[event.target.component],
+            lead=int(name in places.slots),
+            watch=watch(event, places),
+            seed=seeds.get(event.seed_name, event.seed),
         )
         for name, event in events.items()
     }
@@ -241,7 +241,7 @@ class Director:
                 self.stages[name] = part.stages[name]
             else:
                 number = parts.index(part) + 1
-                own = Tuned(part, event.target.variable, experiment, marks, number)
+                own = Tuned(part=part, name=event.target.variable, experiment=experiment, marks=marks, number=number)
                 self.tuned.setdefault(str(event.target), own).actors.append(actor)
         self.watches = [actor.watch for actor in self.actors.values() if actor.watch]
         self.has_news = reporter(self.watches, buffer)

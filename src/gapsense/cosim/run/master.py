@@ -68,7 +68,15 @@ class Master:
         self.texts: Texts = {}
         self.parts: list[Part] = []
         self.links: dict[Any, Any] = {}  # to boards, by place and firmware
-        self.director = Director({}, scenario.experiment, (), self.places, self.view, {}, self.marks)
+        self.director = Director(
+            events={},
+            experiment=scenario.experiment,
+            parts=(),
+            places=self.places,
+            buffer=self.view,
+            seeds={},
+            marks=self.marks,
+        )
         try:
             self.load()
         except BaseException:
@@ -79,7 +87,9 @@ class Master:
         """Instantiate the components in execution order, wire them."""
         for name in self.each(LOADING, self.order.names):
             component, instance = self.scenario.components[name], self.instance(name)
-            self.parts.append(Part(component, instance, self.buffer, self.places, self.texts))
+            self.parts.append(
+                Part(component=component, instance=instance, buffer=self.buffer, places=self.places, texts=self.texts)
+            )
             self.parts[-1].connect(self.scenario.connections)
             self.delay(self.parts[-1])
 
@@ -241,7 +251,15 @@ class Master:
         if problems:
             raise FmuError("run", " ".join(problems))
         own, experiment = self.subject.resolved(events), self.scenario.experiment
-        return Director(own, experiment, self.parts, self.places, self.view, seeds, self.marks)
+        return Director(
+            events=own,
+            experiment=experiment,
+            parts=self.parts,
+            places=self.places,
+            buffer=self.view,
+            seeds=seeds,
+            marks=self.marks,
+        )
 
     def abandon(self, failed: str) -> None:
         """Terminate the instances that have not failed; a second failure would only hide the first."""

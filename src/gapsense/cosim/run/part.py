@@ -228,7 +228,10 @@ def channels(
         return variable.size or variable.type
 
     groups = groupby(sorted(ports, key=type_of), key=type_of)
-    return tuple(Channel(instance, action, list(alike), places, buffer) for _, alike in groups)
+    return tuple(
+        Channel(instance=instance, action=action, ports=list(alike), places=places, buffer=buffer)
+        for _, alike in groups
+    )
 
 
 class Part:

@@ -415,6 +415,10 @@ class Reader:
         good = [name for name in table.data if re.fullmatch(NAME, name)]
         for name in [name for name in table.data if name not in good]:
             table.note(name, "a component's name is letters, digits and `_`, not starting with a digit. Rename it.")
+        for name in [name for name in good if isinstance(table.data[name], dict) and "fmu" not in table.data[name]]:
+            others = [other for other in good if other != name]
+            if near := get_close_matches(name, others, n=1):  # a slip in a variant makes a component
+                table.note(name, f"there is nothing of it but this. Did you mean `{near[0]}`?")
         return {name: self.component(table.table(name), name) for name in good}
 
     def component(self, table: Table, name: str) -> Component:

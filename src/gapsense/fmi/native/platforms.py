@@ -31,7 +31,14 @@ PLATFORMS = {
     "win64": Binary(folder="win64", ending=".dll", targets=("x86_64-windows-gnu",), flags=(), libraries=()),
     "darwin64": Binary("darwin64", ".dylib", ("x86_64-macos.11.0", "aarch64-macos.11.0")),
     "aarch64-linux": Binary("linux64", ".so", ("aarch64-linux-gnu.2.17",)),  # so hosts of FMI 2.0 look for it
-    WASM: Binary("", ".wasm", ("wasm32-wasi",), ("-DGAPSENSE_COMPONENT",), (), "-mexec-model=reactor"),
+    WASM: Binary(
+        folder="",
+        ending=".wasm",
+        targets=("wasm32-wasi",),
+        flags=("-DGAPSENSE_COMPONENT",),
+        libraries=(),
+        linked="-mexec-model=reactor",
+    ),
 }
 
 

@@ -141,9 +141,9 @@ def take(queue: list[Any], wanted: list[str] | None) -> bytes:
 
 
 def records(messages: Iterable[Any], wanted: list[str] | None) -> bytes:
-    """The messages that the host wants, as bytes."""
+    """The messages that the host wants, as bytes; of a host that wants none, those on errors, its only sign of them."""
     is_all = wanted is None or "logAll" in wanted
-    chosen = [m for m in messages if is_all or m.category in (wanted or ())]
+    chosen = [m for m in messages if is_all or m.category in (wanted or ["logStatusError"])]
     return b"".join(b"%d%s\0%s\0" % (m.status, *encoded([m.category, m.msg])) for m in chosen)
 
 

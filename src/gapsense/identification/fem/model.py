@@ -247,7 +247,14 @@ def penalised(rows: list[Matrix], left: list[Vector], errors: list[float], root:
     B = solve_triangular(root, A.T, lower=True)
     values, U = eigh(B @ B.T)
     values = np.maximum(values, 0.0)
-    found = Penalised(solve_triangular(root.T, U), values, U.T @ (B @ r), 0.0, [], [1.0 / e for e in errors])
+    found = Penalised(
+        directions=solve_triangular(root.T, U),
+        values=values,
+        along=U.T @ (B @ r),
+        penalty=0.0,
+        errors=[],
+        weights=[1.0 / e for e in errors],
+    )
 
     def foretold(penalty: float) -> float:
         shares = 1.0 / (values + penalty)

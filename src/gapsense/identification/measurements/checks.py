@@ -11,6 +11,7 @@ from gapsense.identification.measurements.hum import hum
 from gapsense.identification.measurements.operations import SMALL, Operation, drift, estimate, operations, starts
 from gapsense.identification.measurements.record import SHOWN, UNITS, Columns, Record, Vector
 from gapsense.identification.measurements.signals import SIGMAS, noise, resolution, true_runs
+from gapsense.problems import number_of
 
 FEWEST_SAMPLES = 8
 JITTER = 0.01  # largest deviation of a time step from their median, relative
@@ -27,7 +28,7 @@ def time_problems(columns: Columns) -> Iterator[str]:
     """Too few samples, or time steps that differ by more than the times are rounded."""
     t, rows, file = columns.values["time"], columns.rows, columns.file
     if t.size < FEWEST_SAMPLES:
-        yield f"{file}: {t.size} rows found, at least {FEWEST_SAMPLES} expected. Record more."
+        yield f"{file}: {number_of(t.size, 'row')} found, at least {FEWEST_SAMPLES} expected. Record more."
         return
     wrong, usual = uneven(t)
     if wrong.size and rounding(t) > 0.0:

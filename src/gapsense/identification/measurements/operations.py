@@ -217,7 +217,13 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
     more = warmed(means, found, resistances, EDGES * float(np.abs(applied).max()) / volts if volts else np.inf)
     rates = applied - per_sample * means - more
     rates[: found[0].start + 1] = 0.0
-    return Flux(found, resistances, per_sample, record.dt * np.cumsum(rates), more)
+    return Flux(
+        operations=found,
+        resistances=resistances,
+        per_sample=per_sample,
+        flux_linkage=record.dt * np.cumsum(rates),
+        warmed=more,
+    )
 
 
 def warmed(means: Vector, found: list[Operation], R: Vector, least: float) -> Vector:

@@ -44,20 +44,21 @@ class Line(NamedTuple):
     cells: list[str]
 
 
-def from_heads(lines: Sequence[Line], decimal: str) -> list[Line]:
+def from_heads(lines: Sequence[Line], how: Reading) -> list[Line]:
     """Lines from the heads of the columns on, with the units of the row below them, if there is one."""
-    heads = next((k for k, line in enumerate(lines[:MOST]) if any(map(is_time, line.cells))), 0)
+    times = how.names.get("time", "time").lower()
+    heads = next((k for k, line in enumerate(lines[:MOST]) if times in map(head_of, line.cells)), 0)
     first, *rest = [*lines[heads:]] or [Line(1, [])]
-    if rest and not any(is_number(cell, decimal) for cell in rest[0].cells):
+    if rest and not any(is_number(cell, how.decimal) for cell in rest[0].cells):
         units = [cell.strip().strip("()[]") for cell in rest[0].cells] + [""] * len(first.cells)
         return [first._replace(cells=[*map(with_unit, first.cells, units)]), *rest[1:]]
     return [first, *rest]
 
 
-def is_time(cell: str) -> bool:
-    """Whether a cell is the head of the column of times."""
+def head_of(cell: str) -> str:
+    """Name of a column by its head, in small letters and without the unit."""
     found = HEADER.fullmatch(cell)
-    return found is not None and found[1].lower() == "time"
+    return found[1].lower() if found else ""
 
 
 def is_number(cell: str, decimal: str) -> bool:
@@ -101,6 +102,8 @@ SIGNALS = {
 
 def columns_of(file: str, result: Result, names: Mapping[str, str], problems: list[str]) -> Columns:
     """Signals of a result where they have just been sampled; a mean voltage is averaged between these instants."""
+    if "time" in names:
+        problems.append(f"{file}: it is a result, which has its own times. Leave out `--column time={names['time']}`.")
     chosen = {q: s for q in SIGNALS if (s := _signal(file, q, names, result, problems))}
     if any(q not in chosen for q in NEEDED[1:]):
         return Columns(file, np.array([], dtype=int), {})
@@ -144,8 +147,8 @@ KELVIN = 273.15  # of 0 degC
 
 def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
     """Columns of a CSV file, or of that of a result with its side-car; `problems` takes what is wrong with it."""
-    if unknown := [name for name in how.names if name not in UNITS or name == "time"]:
-        problems.append(f"--column {unknown[0]}: {suggest(unknown[0], [n for n in UNITS if n != 'time'])}")
+    if unknown := [name for name in how.names if name not in UNITS]:
+        problems.append(f"--column {unknown[0]}: there is no such quantity. {suggest(unknown[0], UNITS)}")
     nothing = Columns(path.name, np.array([], dtype=int), {})
     if wrong := other_kind(path, RECORD):
         problems.append(wrong)
@@ -162,13 +165,19 @@ def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
         problems.append(f"{path.name}, row 1: {other}")
         return nothing
     if not any(sum(is_number(cell, ",") for cell in line.cells) > 1 for line in lines):  # which no message tells
-        problems.append(f"{path.name}: no row has two numbers, so it is not a record. {HEADS}")
+        what = "no row has two numbers, so it is not a record" if lines else "it is empty"
+        has_heads = any("time" in map(head_of, line.cells) for line in lines)
+        remedy = "Record some, below its heads." if has_heads else HEADS
+        problems.append(f"{path.name}: {what}. {remedy}")
         return nothing
-    return _of_lines(path.name, from_heads(lines, how.decimal), how, problems)
+    return _of_lines(path.name, from_heads(lines, how), how, problems)
 
 
 def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str]) -> Columns:
     header, head = lines[0].cells, f"{file}, row {lines[0].number}"
+    if all(is_number(cell, how.decimal) for cell in header):
+        problems.append(f"{head}: numbers found, the names of the columns expected. {HEADS}")
+        return Columns(file, np.array([], dtype=int), {})
     if split := [*_too_long(file, lines[1:], len(header))][:SHOWN]:  # nothing is in its column then
         problems += split
         return Columns(file, np.array([], dtype=int), {})
@@ -213,7 +222,7 @@ def _missing(head: str, name: str, column: str, found: list[str]) -> str:
     if not any(found):
         return f"{head}: the header names no columns. {HEADS}"
     said = f"{head}: column `{column}` is missing; there are {listing(found)}. Add `{column}{unit}`"
-    return f"{said}." if name == "time" else f"{said}, or name the column that holds it with `--column {name}=NAME`."
+    return f"{said}, or name the column that holds it with `--column {name}=NAME`."
 
 
 def _scale(head: str, place: int, column: str, written: str | None, unit: str, problems: list[str]) -> float:
@@ -238,8 +247,9 @@ def _numbers(file: str, column: str, cells: list[tuple[int, str]], decimal: str,
     if np.isfinite(values).all():
         return values
     values = np.where(np.isfinite(values), values, math.nan)
-    wrong = [f"row {n}: `{column}` is `{text}`" for (n, text), value in zip(cells, values) if math.isnan(value)]
-    remedy = "Correct or remove the row"
+    rows = [(n, f"`{text}`" if text else "empty") for (n, text), value in zip(cells, values) if math.isnan(value)]
+    wrong = [f"row {n}: `{column}` is {text}" for n, text in rows]
+    remedy = "Correct or interpolate it; a row that is removed leaves a gap"
     if decimal == "." and any("," in text for _, text in cells):
         remedy = "With decimal commas, add `--decimal ,`"
     problems += [f"{file}, {place}, a finite number is expected. {remedy}." for place in wrong[:SHOWN]]

@@ -170,7 +170,9 @@ def scales(experiments: Sequence[Experiment], names: Sequence[str]) -> dict[str,
 def signals(experiment: Experiment) -> Signals:
     """Of an experiment."""
     R = mean_resistance(experiment)
-    return Signals(experiment.halves, experiment.current, experiment.dt, R, experiment.first)
+    return Signals(
+        halves=experiment.halves, current=experiment.current, dt=experiment.dt, resistance=R, first=experiment.first
+    )
 
 
 def restore_causes(experiment: Experiment, values: dict[str, float]) -> Experiment:

@@ -140,7 +140,7 @@ def of_sweep(file: Path) -> Campaign:
         measured = {name: row[name] for name in columns.metrics}
         entries.append({"index": row["run"], "shift": row["run"], "values": row, "metrics": measured})
     store.add(*contents(columns, entries))
-    return Campaign(file, store, about, columns, store.count())
+    return Campaign(folder=file, store=store, about=about, columns=columns, rows=store.count())
 
 
 def cells(sheet: Sheet, kinds: Mapping[str, str]) -> Iterator[dict[str, Any]]:

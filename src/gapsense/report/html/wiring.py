@@ -255,7 +255,7 @@ def line(w: Wire, names: Sequence[str], boxes: Boxes, numbers: dict[str, int], d
     else:
         path = around(x, y, *end, depth)
     words = f"{'.'.join(w.source)} to {'.'.join(w.target)}, {KINDS[w.kind]}"
-    return Line(w.kind, colour(numbers[w.source[0]]), path, end, words)
+    return Line(kind=w.kind, colour=colour(numbers[w.source[0]]), path=path, end=end, words=words)
 
 
 def through(x: float, y: float, lanes: Sequence[Box], end: tuple[float, float]) -> str:

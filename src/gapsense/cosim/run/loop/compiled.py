@@ -214,12 +214,18 @@ def renew(guest: Guest) -> None:
     """Let the links do what the stages now say."""
     stages, first = guest.part.stages.values(), len(guest.links) - len(guest.part.stages)
     for place, stage in enumerate(stages, first):
-        guest.links[place] = Link(stage.slot.after, stage.source, stage.converts, stage.factor, stage.bias)
+        guest.links[place] = Link(
+            target=stage.slot.after,
+            source=stage.source,
+            converts=stage.converts,
+            factor=stage.factor,
+            bias=stage.bias,
+        )
 
 
 def condition(watch: Watch) -> Any:
     """A condition, for C."""
-    return WatchInC(watch.place, watch.is_above, watch.is_on, watch.holds, watch.level)
+    return WatchInC(place=watch.place, is_above=watch.is_above, is_on=watch.is_on, holds=watch.holds, level=watch.level)
 
 
 def exchange(part: Part, channels: Sequence[Channel]) -> Any:
@@ -227,7 +233,13 @@ def exchange(part: Part, channels: Sequence[Channel]) -> Any:
     for c in channels:
         entry = address(part.instance.function(c.function))
         places = map(ctypes.addressof, (c.references, c.values))
-        return Exchange(entry, next(places), len(c.references), next(places), len(c.values))
+        return Exchange(
+            entry=entry,
+            references=next(places),
+            count=len(c.references),
+            values=next(places),
+            value_count=len(c.values),
+        )
     return Exchange()
 
 

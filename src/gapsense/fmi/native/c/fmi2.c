@@ -39,7 +39,7 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t count, co
     if (!i || instance_given(i, __func__, "categories", categories, count) ||
         instance_given_texts(i, __func__, categories, count))
         return fmi2Error;
-    i->logged = on && !count ? ALL : 0;
+    i->logged = on ? (count ? 0 : ALL) : ERRORS; /* a host has no other sign of an error than its message */
     for (size_t k = 0; on && k < count; k++)
         i->logged |= category(categories[k]);
     return fmi2OK;
@@ -65,7 +65,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     else
         i = instance_new(name, guid, location, tell, host);
     if (i)
-        i->logged = logging ? ALL : 0;
+        i->logged = logging ? ALL : ERRORS;
     else
         free(host);
     return i;

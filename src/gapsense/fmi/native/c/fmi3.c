@@ -20,7 +20,7 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean on, size_t count, con
     if (!i || instance_given(i, __func__, "categories", categories, count) ||
         instance_given_texts(i, __func__, categories, count))
         return fmi3Error;
-    i->logged = on && !count ? ALL : 0;
+    i->logged = on ? (count ? 0 : ALL) : ERRORS; /* a host has no other sign of an error than its message */
     for (size_t k = 0; on && k < count; k++)
         i->logged |= !strcmp(categories[k], "logStatusError") ? ERRORS : 0;
     return fmi3OK;
@@ -48,7 +48,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3
     else
         i = instance_new(name, token, resources, tell, host);
     if (i)
-        i->logged = logging ? ALL : 0;
+        i->logged = logging ? ALL : ERRORS;
     else
         free(host);
     return i;

@@ -1,68 +1,13 @@
-"""Cubic splines through the rows of a table, with a continuous second derivative, for plants and estimators alike.
-
-A surface z(x, y) is a tensor spline on a grid, held by its integral over y: a potential, whose two derivatives fit.
-"""
+"""A surface z(x, y): a tensor spline on a grid, held by its integral over y: a potential, whose two derivatives fit."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from gapsense.kernels.elementary import Cubic, cubic, piece
 from gapsense.kernels.integrate import least
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import clip, floor, load, locate, where
-
-
-class Cubic(NamedTuple):
-    """A polynomial of degree 3 around a place."""
-
-    place: Scalar
-    value: Scalar
-    slope: Scalar
-    curvature: Scalar  # second derivative there
-    change: Scalar  # third derivative
-
-
-def spline_piece(x: Scalar, knots: Array, values: Array, curvatures: Array) -> Cubic:
-    """The piece of a spline that holds at `x`; beyond its ends the second derivative stays.
-
-    Parameters
-    ----------
-    x : scalar
-        Where.
-    knots, values, curvatures : tables
-        Increasing places, at least two; the values and the second derivatives of the spline there.
-    """
-    k = locate(knots, x)
-    ends = [load(column, k, shift) for column in (knots, values, curvatures) for shift in (0, 1)]
-    return _piece(x, *ends)
-
-
-def _piece(x: Scalar, left: Scalar, right: Scalar, y: Scalar, y_next: Scalar, c: Scalar, c_next: Scalar) -> Cubic:
-    """The piece between two places, from the values and second derivatives there."""
-    width = right - left
-    mean, sixth = (y_next - y) / width, width / 6.0
-    is_above = x > right
-    return Cubic(
-        place=where(is_above, right, left),
-        value=where(is_above, y_next, y),
-        slope=where(is_above, mean + sixth * (c + 2.0 * c_next), mean - sixth * (2.0 * c + c_next)),
-        curvature=where(is_above, c_next, c),
-        change=where((x < left) | is_above, 0.0, (c_next - c) / width),
-    )
-
-
-def cubic(x: Scalar, at: Cubic) -> tuple[Scalar, Scalar, Scalar]:
-    """Value, first and second derivative."""
-    t = x - at.place
-    half = 0.5 * t
-    curvature = at.curvature + at.change * t
-    slope = at.slope + half * (at.curvature + curvature)
-    return at.value + t * (at.slope + half * (at.curvature + at.change * (t / 3.0))), slope, curvature
-
-
-def spline(x: Scalar, knots: Array, values: Array, curvatures: Array) -> tuple[Scalar, Scalar, Scalar]:
-    """Value, first and second derivative of a spline; the parameters are those of `spline_piece`."""
-    return cubic(x, spline_piece(x, knots, values, curvatures))
 
 
 class Surface(NamedTuple):
@@ -109,15 +54,15 @@ def surface_patch(x: Scalar, y: Scalar, of: Surface) -> Patch:
 
     def in_y(at: Scalar, values: Array, bends: Array, integrals: Array) -> tuple[Scalar, ...]:
         ends = [load(column, at, shift) for column in (values, bends) for shift in (0, 1)]
-        piece, is_above = _piece(y, low, high, *ends), y > high
+        at_y, is_above = piece(y, low, high, *ends), y > high
         integral = where(is_above, load(integrals, at, 1), load(integrals, at))
-        return integral, piece.value, piece.slope, where(is_above, 0.0, piece.curvature), piece.change
+        return integral, at_y.value, at_y.slope, where(is_above, 0.0, at_y.curvature), at_y.change
 
     rows = (node, node + width)
     values = [in_y(at, of.values, of.bends, of.integrals) for at in rows]
     curves = [in_y(at, of.curves, of.bend_curves, of.integral_curves) for at in rows]
     left, right = (load(of.places, at) for at in rows)
-    return Patch(where(y > high, high, low), *(_piece(x, left, right, *ends) for ends in zip(*values, *curves)))
+    return Patch(where(y > high, high, low), *(piece(x, left, right, *ends) for ends in zip(*values, *curves)))
 
 
 def surface(x: Scalar, y: Scalar, patch: Patch) -> Level:
