@@ -73,6 +73,8 @@ DEMANDS = tuple(
         ("play", "model", "median", -LAST, 0.12),
         ("play", "model", "90 %", -LAST, 0.30),
         ("untold-noise", "model", "median", -LAST, 0.12),
+        ("told-noise untold-noise", "contact", "median", 10, 0.14),
+        ("told-noise untold-noise", "contact", "90 %", 10, 0.22),
         ("untold-noise", "both", "median", -LAST, 0.13),
         ("bounce late", "both", "median", 10, 0.12),
         ("bounce late", "both", "90 %", 20, 0.30),

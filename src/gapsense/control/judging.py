@@ -28,6 +28,7 @@ NOISY = 0.012  # of the flux linkage that balances the spring: what noise may ma
 ADDED = 8.0  # speed of a landing by what noise makes wrong beyond that, as a share [m/s]
 DEVIATIONS = 3.0  # of the error of a flux linkage that an estimator steadies, for which approaches are not too slow
 SLOW = 2.0  # slowest approaches: by a faster one is not told whether openings come late
+LESS = 0.4  # of the error by noise, where the current is averaged
 YOUNG = 8.0  # cycles in which approaches are still fast
 
 
@@ -222,6 +223,7 @@ def _slowest(state: State, par: Parameters) -> Scalar:
     m = make_mover(par)
     is_steady = (state.by_model > 0.0) & (state.since_plain >= YOUNG)
     error = where(is_steady, DEVIATIONS * steadied_error(state.coil, par), wandering(state.coil, par))
+    error = where(state.running.averaged > 0.0, LESS * error, error)
     added = ADDED * (error / sqrt(balance(m.gap.smallest, m)) - NOISY)
     return where(added > par.approach_least, added, par.approach_least)
 
