@@ -919,6 +919,10 @@ class HybridEkf(Runnable):
         Share of s_max within which an approach counts as a landing.
     noise_current : float [A], at least 1e-12, by default 0.001
         Standard deviation of the current noise.
+    noise_sensor : float [A], at least 0, by default 0.0
+        That of the sensor alone, where `noise.current` has an error of the model, too; 0: the same.
+    noise_voltage : float [V], at least 0, by default 0.03
+        Standard deviation of the voltage noise, beyond which health looks for edges.
     process_current : float [A], at least 0, by default 0.0003
         Standard deviation of its process noise per sample, on a stop.
     process_current_moving : float [A], at least 0, by default 0.001
@@ -945,7 +949,7 @@ class HybridEkf(Runnable):
         A current with an innovation beyond so many deviations is wild, but not more than 5 in a row; 0: none is.
     health_samples : float, at least 1, by default 50.0
         Samples over which the innovations are averaged.
-    health_limit : float, at least 0, by default 4.0
+    health_limit : float, at least 0, by default 25.0
         Largest mean of the squared normalised innovation.
 
     Inputs of run and step
@@ -1001,6 +1005,8 @@ class HybridEkf(Runnable):
         sub_steps: float = ...,
         landing_band: float = ...,
         noise_current: float = ...,
+        noise_sensor: float = ...,
+        noise_voltage: float = ...,
         process_current: float = ...,
         process_current_moving: float = ...,
         process_position: float = ...,

@@ -29,6 +29,9 @@ def test_help_names_every_command_and_the_exit_codes(gapsense):
     done = gapsense("--help")
     assert done.exit_code == 0
     assert all(re.search(rf"^\W*{name}\b", done.output, re.MULTILINE) for name in COMMANDS)
+    found = re.findall(r"^│ ([a-z-]+) +[A-Z]", done.output, re.MULTILINE)
+    alone = [name for name in found if name not in ("campaign", "study")]  # groups stand at the end
+    assert len(alone) > 20 and alone == sorted(alone)
     assert "130 interrupted" in " ".join(re.sub(r"[^\w\s]", " ", done.output).split())
 
 

@@ -22,7 +22,8 @@ from gapsense.control.coil import (
 )
 from gapsense.estimators.gap import gap, make_gap
 
-PAR, NOT_LATE = parameters(), False
+PAR = parameters()
+AS_MEASURED = (False, 0.0, 1.0)  # not late, no expected current
 
 
 def driven(R, resistance, remanence=0.0, samples=1000, position=PAR.stop_upper):
@@ -36,8 +37,27 @@ def driven(R, resistance, remanence=0.0, samples=1000, position=PAR.stop_upper):
         u = 24.0 if k < 490 else 0.0
         middle = (flux + 0.5 * PAR.sample_time * u) / (1.0 + 0.5 * PAR.sample_time * R * reluctance)
         flux += PAR.sample_time * (u - R * middle * reluctance)
-        coil = integrated(coil, inputs(voltage=u, current=flux * reluctance), NOT_LATE, PAR)[0]
+        coil = integrated(coil, inputs(voltage=u, current=flux * reluctance), *AS_MEASURED, PAR)[0]
     return coil, flux
+
+
+def test_noise_counts_by_the_share_that_the_measured_current_has():
+    spread = {}
+    for share in (1.0, 0.25):
+        noise, coil = Random(1), first_coil(inputs(current=0.4), PAR)
+        for _ in range(500):
+            read = inputs(current=0.4 + noise.gauss(0.0, 20e-3))
+            coil = integrated(coil, read, False, 0.4, share, PAR)[0]
+        spread[share] = coil.flux + 500 * PAR.sample_time * 0.4 * PAR.coil_resistance
+    assert spread[0.25] == pytest.approx(0.25 * spread[1.0], rel=1e-6) and abs(spread[1.0]) > 50e-6
+
+
+def test_with_noise_resistance_and_flux_linkage_are_means():
+    coil, _ = driven(53.0, 48.0)
+    assert closed(coil, 20.0, 1.0, True, PAR).measured == pytest.approx(48.5, rel=1e-3)
+    assert closed(coil, 1.0, 1.0, True, PAR).measured == pytest.approx(53.0, rel=1e-3)
+    top = topped(coil._replace(top=coil.flux - 1e-3), True).top
+    assert top == pytest.approx(coil.flux - 0.95e-3, rel=1e-9)
 
 
 @pytest.mark.parametrize("R", [44.0, 48.0, 53.0])
@@ -45,7 +65,7 @@ def test_resistance_is_the_one_that_closes_the_cycle(R):
     coil, flux = driven(R, 48.0)
     assert open_flux(coil, PAR) == pytest.approx(flux, abs=1e-6)
     assert cycle_resistance(coil, PAR) == pytest.approx(R, rel=2e-4)
-    assert closed(coil, 1.0, 1.0, PAR).resistance == pytest.approx(R, rel=2e-4)
+    assert closed(coil, 1.0, 1.0, False, PAR).resistance == pytest.approx(R, rel=2e-4)
 
 
 def test_right_resistance_follows_the_flux_linkage():
@@ -56,7 +76,7 @@ def test_right_resistance_follows_the_flux_linkage():
 def test_without_current_nothing_is_said_of_the_resistance():
     coil = first_coil(inputs(), PAR)
     for _ in range(500):
-        coil = integrated(coil, inputs(voltage=0.5), NOT_LATE, PAR)[0]
+        coil = integrated(coil, inputs(voltage=0.5), *AS_MEASURED, PAR)[0]
     assert cycle_resistance(coil, PAR) == PAR.coil_resistance
 
 
@@ -69,24 +89,27 @@ def test_resistance_stays_within_what_a_coil_can_be():
 def test_what_an_opening_leaves_is_the_zero_unless_it_is_too_large(left, zero):
     coil = first_coil(inputs(), PAR)
     for _ in range(500):
-        coil = integrated(coil, inputs(current=left), NOT_LATE, PAR)[0]
+        coil = integrated(coil, inputs(current=left), *AS_MEASURED, PAR)[0]
     coil = zeroed(coil, PAR)
     assert coil.zero == pytest.approx(zero, rel=1e-4)
-    assert integrated(coil, inputs(current=left), NOT_LATE, PAR)[0].last_current == pytest.approx(left - zero, abs=1e-6)
+    assert integrated(coil, inputs(current=left), *AS_MEASURED, PAR)[0].last_current == pytest.approx(
+        left - zero, abs=1e-6
+    )
 
 
 def test_resistance_does_not_depend_on_what_an_opening_is_told_of_its_beginning():
     """The mean of the last closings replaces the flux linkage; the cycle still closes as it was measured."""
     coil, _ = driven(48.0, 47.0)
     for off in (0.1e-3, -0.2e-3, 0.05e-3):
-        shifted = topped(coil._replace(top=coil.flux + off))
+        shifted = topped(coil._replace(top=coil.flux + off), False)
         assert abs(shifted.flux - coil.flux) == pytest.approx(0.7 * abs(off))
         assert cycle_resistance(shifted, PAR) == pytest.approx(cycle_resistance(coil, PAR), rel=1e-12)
 
 
 def test_closing_that_ends_far_from_the_last_ones_counts_alone():
     coil = first_coil(inputs(), PAR)._replace(flux=18e-3, top=17e-3)
-    assert (topped(coil).flux, topped(coil).top) == (18e-3, 18e-3)
+    coil = topped(coil, False)
+    assert (coil.flux, coil.top) == (18e-3, 18e-3)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +149,7 @@ def test_mover_that_closes_slowly_is_not_left_open():
         now = coil._replace(last_current=level, held_current=level, late_current=level, highest=0.0, rise=0.0)
         for k in range(300):
             current = level * (1.0 - dip * (k < 100)) + noise.gauss(0.0, 2e-3)
-            now = integrated(now, inputs(voltage=24.0, current=current), NOT_LATE, PAR)[0]
+            now = integrated(now, inputs(voltage=24.0, current=current), *AS_MEASURED, PAR)[0]
         rows[dip] = left_open(now._replace(flux=0.7 * coil.flux, charge=0.0, noise=2e-3), PAR)
     assert rows == {0.0: True, 0.03: False}
 

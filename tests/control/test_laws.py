@@ -101,3 +101,19 @@ def test_travel_gets_longer_but_not_for_ever():
     for _ in range(50):
         law = law._replace(travel=laws.stretched(law, planned))
     assert law.travel == laws.LONGEST_TRAVEL * planned
+
+
+def test_openings_that_come_late_twice_in_a_row_get_less_flux_linkage_near_their_stop_and_early_ones_no_more():
+    """What one late opening says may be noise, and an early one may be an estimator that drifts."""
+    once = laws.eased(FIRST, True, 0.5e-3)
+    assert not np.any(np.array(once.mean, float))
+    twice = laws.eased(once, True, 0.3e-3)
+    assert twice.mean[0] == -twice.mean[1] == pytest.approx(-laws.EASED * 0.3e-3)
+    early = laws.eased(twice, True, -2e-3)
+    assert early.mean[0] == pytest.approx(laws.REMEMBERED * twice.mean[0]) and early.late == 0.0
+    law = FIRST
+    for _ in range(40):
+        law = laws.eased(law, True, 9.0)
+    assert law.mean[0] == -laws.EASIEST
+    untold = laws.eased(law, False, 9.0)
+    assert untold.mean[0] == law.mean[0] and untold.late == 0.0

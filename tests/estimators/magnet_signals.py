@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from c_code import driven
+from c_code import driven, fresh
 from magnets import POT_MAGNET, POT_MAGNET_PRINTED
 from table_i import defaults
 
@@ -44,6 +44,20 @@ def magnet(pulses: str = "cycle", orientation: str = "consistent") -> Signals:
     held = [0.0] * 5 + [u for duration, u in PULSES[pulses][0] for _ in range(round(duration / T_S))]
     voltage, names = np.array(held), ("current", "position", "velocity", "mode")
     return Signals(voltage, driven(pot_magnet, PLANTS[orientation], voltage, T_S, *names))
+
+
+def faulty(first: int, last: int, halves: int, half: int, **changes: float) -> Signals:
+    """A square wave of 24 V, with another magnet in some of its halves."""
+    kernel, devices = fresh(pot_magnet), (POT_MAGNET, POT_MAGNET._replace(**changes))
+    count = np.arange(halves * half) // half
+    voltage = np.where(count % 2 == 0, 24.0, 0.0)
+    rows = np.empty((voltage.size, kernel.outputs.size))
+    for n in range(voltage.size):
+        given = (n * T_S, T_S, voltage[n - 1]) if n else (0.0, 0.0, 0.0)
+        kernel.call("step" if n else "initial", given, devices[int(first <= count[n] < last)])
+        rows[n] = kernel.outputs
+    places = map(pot_magnet.Outputs._fields.index, ("current", "position", "velocity", "mode"))
+    return Signals(voltage, np.array([rows[:, place] for place in places]).T)
 
 
 def exact(orientation: str = "consistent", **changes: float) -> Any:

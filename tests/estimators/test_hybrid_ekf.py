@@ -7,14 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from c_code import run as run_in_c
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from magnet_signals import PLANTS, PULSES, T_S, changes_of, exact, magnet
+from magnet_signals import PLANTS, PULSES, T_S, changes_of, exact, faulty, magnet
+from magnets import POT_MAGNET
 
 from gapsense.estimators import hybrid_ekf
 from gapsense.estimators.hybrid_ekf import Held, Inputs, extrapolated, model, moving, resting
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import names
 from gapsense.kernels.linalg import vector
 
 KERNEL = Kernel(hybrid_ekf)
@@ -138,7 +141,8 @@ def test_equals_the_textbook_filter_in_the_air() -> None:
     mod = model(par)
     Q = np.diag([par.process_current_moving, par.process_position, par.process_velocity]) ** 2
     x, P = np.array([0.12, 0.05e-3, 0.03]), np.diag([1e-3, 1e-6, 1e-3]) ** 2
-    state = hybrid_ekf.State(vector(x.tolist()), np.array(P, dtype=object), 1.0, 24.0, 1.0, 0.0)
+    state, _ = KERNEL.initial(Inputs(24.0, 0.0), par)
+    state = state._replace(x=vector(x.tolist()), P=np.array(P, dtype=object), mode=1.0)
     scale = np.array([0.1, 1e-4, 0.1])
     for measured in (0.118, 0.119, 0.117, 0.115, 0.117):
         held = Held(24.0, mod.K6, 0.0, T_S)
@@ -217,11 +221,51 @@ def test_corrects_wrong_parameters(orientation: str) -> None:
     assert errors[0][0] < 0.5 * errors[1][0] and errors[0][1] < 0.9 * errors[1][1]
 
 
-def test_health_says_when_the_model_is_wrong() -> None:
+WRONG: dict[str, tuple[dict[str, float], bool]] = {  # from the start; and whether more than 25 um come of it
+    "resistance": ({"coil_resistance": 180.0, "coil_resistance_upper": 190.0}, True),
+    "stop": ({"stop_upper": 0.4e-3}, True),
+    "resistance that is corrected": ({"coil_resistance": 90.0}, False),
+    "nothing": ({}, False),
+}
+
+
+@pytest.mark.parametrize("told", WRONG)
+def test_health_says_when_the_model_is_so_wrong_that_the_estimate_is(told: str) -> None:
+    changes, is_wrong = WRONG[told]
     s = magnet()
-    measured = noisy(s.states[:, 0], 1e-3)
-    assert run(s.voltage, measured, exact())["health"].min() == 1.0
-    assert run(s.voltage, measured, exact(coil_resistance=90.0))["health"].mean() < 0.8
+    found = run(s.voltage, noisy(s.states[:, 0], 1e-3), exact(**changes))
+    assert (np.mean(np.abs(found["position"] - s.states[:, 1]) > 25e-6) > 0.2) == is_wrong
+    assert found["health"].mean() < 0.8 if is_wrong else found["health"].min() == 1.0
+
+
+HALF, FIRST, LAST, HALVES = 600, 24, 30, 34  # samples of an operation; those with a fault
+CLOSED = 2.0 * POT_MAGNET.core_permeability * POT_MAGNET.stop_upper  # what a gap is in length of the field lines
+FAULTS: dict[str, tuple[dict[str, float], float]] = {  # what changes, and by how much the lower stop moves
+    "lower stop 30 % higher": ({"stop_upper": 0.7 * POT_MAGNET.stop_upper}, 0.3 * POT_MAGNET.stop_upper),
+    "stuck at the upper stop": ({"stop_upper": 1e-9}, POT_MAGNET.stop_upper),
+    "stuck at the lower stop": ({"stop_upper": 1e-9, "core_length": POT_MAGNET.core_length + CLOSED}, 0.0),
+    "weight 40 % less": ({"gravity": 0.6 * POT_MAGNET.gravity}, 0.0),
+}
+
+
+@pytest.mark.parametrize("tuning", [0.0, 1.0], ids=["robust", "paper"])
+@pytest.mark.parametrize("fault", [*FAULTS, None])
+def test_health_tells_faults_and_nothing_else(fault: str | None, tuning: float) -> None:
+    """A mover stuck above had 1 in 20 % of the wrong time, less weight in all of it; the paper's tuning always."""
+    changes, offset = FAULTS[fault] if fault else ({}, 0.0)
+    s = faulty(FIRST, LAST, HALVES, HALF, **changes)
+    faults = slice(FIRST * HALF, LAST * HALF)
+    position = s.states[:, 1].copy()
+    position[faults] += offset
+    found = run_in_c(hybrid_ekf, np.c_[s.voltage, noisy(s.states[:, 0], 1e-3)], exact(tuning=tuning))
+    found = dict(zip(names(hybrid_ekf.Outputs), found.T))
+    health, wrong = found["health"], np.abs(found["position"] - position) > 25e-6
+    assert np.all(health[: faults.start] == 1.0) and np.all(health[-HALF:] == 1.0)
+    if fault is None:
+        assert np.all(health == 1.0)
+    else:
+        assert wrong[faults].sum() > 100
+        assert (wrong & (health == 1.0))[faults].sum() <= 0.05 * wrong[faults].sum()
 
 
 @pytest.mark.parametrize("lost", [math.nan, math.inf, -math.inf, 1e300])

@@ -193,6 +193,21 @@ def test_choices_must_be_those_of_the_kernel(component: Component, kernel: Kerne
 # Folders --------------------------------------------------------------------------------------------------------------
 
 
+FULL = """
+import os, pathlib, resource, signal, sys
+from gapsense.fmi.package import write
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+write({"a": os.urandom(50_000)}, pathlib.Path(sys.argv[1]))
+"""
+
+
+def test_archive_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", FULL, tmp_path / "A.fmu"], capture_output=True, text=True)
+    assert "OSError: [Errno 27] File too large: '" in done.stderr and "A.fmu" in done.stderr
+    assert not [*tmp_path.iterdir()]
+
+
 def test_folder_without_component_is_told(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no component\.py"):
         load_component(tmp_path)

@@ -34,7 +34,7 @@ MAY_IMPORT = {
     **{part: FOUNDATIONS | {part} for part in SIDE_BY_SIDE},
     "control": FOUNDATIONS | {"control", "estimators"},
     "lanes": FOUNDATIONS | {"lanes", "locks", "native"},
-    "fmi": FOUNDATIONS | {"fmi", "native", "problems", "shipped"},
+    "fmi": FOUNDATIONS | {"files", "fmi", "native", "problems", "shipped"},
     "cosim": GENERAL | {"cosim", "fmi", "ports", "random"},
     "vectors": NUMBERS - {"many", "control", "embedded"},
     "many": GENERAL | {"many", "cosim", "vectors"},

@@ -60,7 +60,7 @@ def test_hard_operations_are_told_in_the_next_one_and_soft_ones_are_not(conditio
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LEARNING)
 def test_what_noise_of_20_mA_leaves_of_soft_landing_arrives_and_is_told(law):
-    """999 of 1,000 arrive, at most 1 of 1,000 soft ones is warned of; by the contact many are hard."""
+    """999 of 1,000 arrive, at most 1 of 1,000 soft ones is warned of."""
     seen = found("told-noise", law, FEWER)
     said = noticed(seen)
     assert np.mean(seen.speeds[LEARNT:] == NEVER) < 1e-3

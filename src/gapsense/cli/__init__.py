@@ -69,6 +69,7 @@ def loaded(command: str = "") -> "App":
 
             for name in modules():
                 import_module(name)
+            app.registered_commands.sort(key=lambda one: one.name or "")
     return app
 
 

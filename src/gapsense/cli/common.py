@@ -45,7 +45,8 @@ app = App(
 
 Start with `gapsense list`, `gapsense run semera_valve` and `gapsense new my_valve`.
 
-Exit codes: 0 all well, 1 a test or a metric failed, 2 wrong input, 3 a component failed, 130 interrupted.""",
+Exit codes: 0 all well, 1 a test or a metric failed or a record is not explained, 2 wrong input, 3 a component failed,
+130 interrupted.""",
 )
 
 

@@ -23,6 +23,8 @@ HOLDS = 0.1  # of the usual current: less does not tell the resistance
 MEAN = 0.5  # of a zero that noise explains
 LANDED, SURE = 0.01, 5.0  # of the usual current: it rises by more where a mover lands; standard deviations of noise
 TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
+STEADIER, SOMEWHERE = 0.05, 2e-3  # the same if the current is noisy
+SLOWER = 0.1  # then: share by which the resistance and the first flux linkage follow, once there were so many cycles
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
@@ -46,6 +48,7 @@ def first_coil(inputs: Inputs, par: Parameters) -> Coil:
         bridge_gain=1.0,
         last_voltage=u,
         last_current=i,
+        used=i,
         noise=NOISY * usual_current(par),
         resistance=R,
         measured=R,
@@ -67,27 +70,30 @@ def can_be_used(coil: Coil, inputs: Inputs, par: Parameters) -> tuple[Scalar, Sc
     u, i = inputs.voltage, inputs.current - coil.zero
     highest = where(par.voltage_most > -par.voltage_least, par.voltage_most, -par.voltage_least)
     has_voltage = can_be_read(u, BEYOND * highest)
-    R_g, _, _ = gap(par.stop_upper, make_gap(par), par.gap_factor, par.gap_bend)
-    slope = R_g + par.core_reluctance / square(par.coil_turns)
+    slope = reluctance_at(par.stop_upper, par)
     change = par.sample_time * slope * (highest + par.coil_resistance * fabs(coil.last_current))
     is_near = fabs(i - coil.last_current) <= JUMP * usual_current(par) + FASTER * change
     has_current = can_be_read(i, LARGEST * highest / par.coil_resistance) & (is_near | (coil.far >= PATIENCE))
     return has_voltage, has_current
 
 
-def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> tuple[Coil, Scalar]:
+def integrated(
+    coil: Coil, inputs: Inputs, is_late: Scalar, expected: Scalar, share: Scalar, par: Parameters
+) -> tuple[Coil, Scalar]:
     """The next sample, and whether a reading was lost or wild.
 
-    Late in an operation the flux linkage stays with a current that rests, and no error of R is summed up.
+    The measured current has a share; the rest is that which is expected. Late in an operation the flux linkage stays
+    with a current that rests, and no error of R is summed up.
     """
     has_voltage, has_current = can_be_used(coil, inputs, par)
     u = where(has_voltage, inputs.voltage - coil.voltage_zero, coil.last_voltage)
     i, T_s = where(has_current, inputs.current - coil.zero, coil.last_current), par.sample_time
-    mean, share, late = 0.5 * (coil.last_current + i), T_s / (RECENT + T_s), T_s / (LATE + T_s)
+    used = where(share < 1.0, expected + share * (i - expected), i)
+    mean, recent, late = 0.5 * (coil.used + used), T_s / (RECENT + T_s), T_s / (LATE + T_s)
     calm = where(is_late & _is_settled(coil, par), coil.calm + 1.0, 0.0)
     dt = where(calm * T_s > CALM, 0.0, T_s)
     noise = coil.noise + where(calm > 0.0, late, 0.0) * (PER_CHANGE * fabs(i - coil.last_current) - coil.noise)
-    held = coil.held_current + share * (i - coil.held_current)
+    held = coil.held_current + recent * (i - coil.held_current)
     lowest = where((held > coil.highest) | (held < coil.lowest), held, coil.lowest)
     new = coil._replace(
         flux=coil.flux + dt * (u - coil.resistance * mean),
@@ -95,11 +101,12 @@ def integrated(coil: Coil, inputs: Inputs, is_late: Scalar, par: Parameters) -> 
         bridge_gain=_bridge_gain(coil, u, par),
         last_voltage=u,
         last_current=i,
+        used=used,
         far=where(has_current, 0.0, coil.far + 1.0),
         calm=calm,
         change=i - coil.last_current,
         noise=noise,
-        held_voltage=coil.held_voltage + share * (u - coil.held_voltage),
+        held_voltage=coil.held_voltage + recent * (u - coil.held_voltage),
         held_current=held,
         highest=where(held > coil.highest, held, coil.highest),
         lowest=lowest,
@@ -143,6 +150,7 @@ def zeroed(coil: Coil, par: Parameters) -> Coil:
         held_current=coil.held_current - off,
         late_current=coil.late_current - off,
         last_current=coil.last_current - off,
+        used=coil.used - off,
     )
 
 
@@ -187,8 +195,12 @@ def _possible(R: Scalar, par: Parameters) -> Scalar:
 
 def open_flux(coil: Coil, par: Parameters) -> Scalar:
     """Flux linkage of the current of late, with an open gap [Wb]."""
-    R_g, _, _ = gap(par.stop_upper, make_gap(par), par.gap_factor, par.gap_bend)
-    return coil.held_current / (R_g + par.core_reluctance / square(par.coil_turns))
+    return coil.held_current / reluctance_at(par.stop_upper, par)
+
+
+def reluctance_at(z: Scalar, par: Parameters) -> Scalar:
+    """Current over flux linkage at a position, as it is told [1/H]."""
+    return gap(z, make_gap(par), par.gap_factor, par.gap_bend)[0] + par.core_reluctance / square(par.coil_turns)
 
 
 def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
@@ -204,14 +216,21 @@ def _resistance_of(coil: Coil, off: Scalar, par: Parameters) -> Scalar:
     )
 
 
-def closed(coil: Coil, cycles: Scalar, is_open: Scalar, par: Parameters) -> Coil:
-    """The next cycle begins; the resistance is that of the last one, and its trend."""
+def closed(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
+    """The next cycle begins; the resistance is that of the last one, and its trend; with noise it is a mean."""
     R, end = cycle_resistance(coil, par), open_flux(coil, par)
     off = end - coil.remanence
-    start = coil.remanence + where(fabs(off) > FAR, 1.0, NEAR) * off
+    slow = follow(cycles, SLOWER)
+    R = where(is_noisy, coil.measured + slow * (R - coil.measured), R)
+    start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
     start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
     trend = where(cycles > YOUNG, coil.trend + TREND * ((R - coil.measured) - coil.trend), 0.0)
     return _restarted(coil, start)._replace(resistance=R + trend, measured=R, trend=trend, remanence=start, balanced=R)
+
+
+def follow(count: Scalar, least: Scalar) -> Scalar:
+    """Share of the last of so many in their mean; not below a least one."""
+    return where(count * least < 1.0, 1.0 / count, least)
 
 
 def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
@@ -264,10 +283,11 @@ def drawn(coil: Coil, change: Scalar) -> Coil:
     return coil._replace(flux=coil.flux + change, drawn=coil.drawn + change)
 
 
-def topped(coil: Coil) -> Coil:
+def topped(coil: Coil, is_noisy: Scalar) -> Coil:
     """After a soft closing the flux linkage is nearly that of the last ones, and their mean has less noise."""
     off = coil.flux - coil.top
-    top = where(fabs(off) < APART, coil.top + TOP * off, coil.flux)
+    is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART)
+    top = where(is_near, coil.top + where(is_noisy, STEADIER, TOP) * off, coil.flux)
     return coil._replace(top=top, shift=top - coil.flux, flux=top)
 
 

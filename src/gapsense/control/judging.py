@@ -27,6 +27,8 @@ FORGIVEN = 0.5  # hard impacts, by a soft one
 NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
 ADDED = 8.0  # speed of a landing by what noise makes wrong beyond that, as a share [m/s]
 DEVIATIONS = 3.0  # of the error of a flux linkage that an estimator steadies, for which approaches are not too slow
+SLOW = 2.0  # slowest approaches: by a faster one is not told whether openings come late
+LESS = 0.4  # of the error by noise, where the current is averaged
 YOUNG = 8.0  # cycles in which approaches are still fast
 
 
@@ -182,9 +184,20 @@ def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inp
     is_bad = (law.was_plain < 1.0) & ((has_landed < 1.0) | is_hard)
 
     def judged() -> State:
-        return _alarmed(_judged(heard, half, has_landed, inputs.landing_time - start, par), half, is_bad, par)
+        landing, is_timed = inputs.landing_time - start, (inputs.misfit < GOOD) & (has_landed > 0.0)
+        eased = heard._replace(laws=_eased(heard.laws, half, landing, is_timed, par))
+        return _alarmed(_judged(eased, half, has_landed, landing, par), half, is_bad, par)
 
     return cond(state.by_model > 0.0, judged, lambda: heard)
+
+
+def _eased(known: Array, half: Scalar, landing: Scalar, is_timed: Scalar, par: Parameters) -> Array:
+    """What a slow opening teaches whose landing is told; a half bridge does not pull its flux linkage down."""
+    law = laws.read(known, half)
+    plan = planned(half, law.speed, law.travel, 0.0, par)
+    is_told = is_timed & (half < 0.5) & (law.was_plain < 1.0) & (law.speed < SLOW * par.approach_least)
+    is_told = is_told & (par.voltage_least < 0.0)
+    return laws.write(known, half, laws.eased(law, is_told, landing - plan.lead - arrival(plan)))
 
 
 def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, par: Parameters) -> State:
@@ -210,6 +223,7 @@ def _slowest(state: State, par: Parameters) -> Scalar:
     m = make_mover(par)
     is_steady = (state.by_model > 0.0) & (state.since_plain >= YOUNG)
     error = where(is_steady, DEVIATIONS * steadied_error(state.coil, par), wandering(state.coil, par))
+    error = where(state.running.averaged > 0.0, LESS * error, error)
     added = ADDED * (error / sqrt(balance(m.gap.smallest, m)) - NOISY)
     return where(added > par.approach_least, added, par.approach_least)
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from gapsense.control.records import LAW, Law, Parameters
 from gapsense.kernels.layout import Array, Scalar, blank, flat, record
-from gapsense.kernels.linalg import diagonal
-from gapsense.kernels.trace import load, store, where
+from gapsense.kernels.linalg import diagonal, vector
+from gapsense.kernels.trace import clip, load, store, where
 
 BEFORE = (0.2, 0.15, 0.2, 0.15)  # standard deviations of a, b, q, r before anything is learnt
 DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
@@ -19,6 +19,8 @@ UNJUDGED = 0.6  # operations that did not arrive: what one counts for until it i
 LATE = 0.4  # first travels after the planned arrival
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
 LIMITED = 5.0  # samples at a limit of the voltage that are too many
+EASED, EASIEST = 60.0, 0.1  # of the square of the flux linkage, by the time that openings are late [1/s]; at most
+LATEST, REMEMBERED = 1e-3, 0.995  # a time beyond this is not believed [s]; share of it that is kept
 UNFOLLOWED = 0.3  # of a travel at a limit: the flux linkage was another one than the profile
 
 
@@ -81,6 +83,19 @@ def judged(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par:
         floor=where(is_told, floor, law.floor),
         missed=missed_by(law, has_landed),
     )
+
+
+def eased(law: Law, is_told: Scalar, after: Scalar) -> Law:
+    """With less flux linkage near the open stop, if two openings in a row came late, by an estimator.
+
+    The estimator only tells late ones: while the mover floats before its stop, a model of another core drifts, and soon
+    takes it for landed where it is not.
+    """
+    late = where(is_told, clip(after, 0.0, LATEST), 0.0)
+    both = where(late < law.late, late, law.late)
+    a = where(is_told, clip(REMEMBERED * law.mean[0] - EASED * both, -EASIEST, 0.0), law.mean[0])
+    b = where(is_told, -a, law.mean[1])
+    return law._replace(late=late, mean=vector([a, b, *law.mean[2:]]))
 
 
 def missed_by(law: Law, has_landed: Scalar) -> Scalar:

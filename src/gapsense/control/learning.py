@@ -18,7 +18,7 @@ from gapsense.estimators.kalman import Gaussian, condition
 from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Scalar, flat, record
 from gapsense.kernels.linalg import diagonal, matrix, vector
-from gapsense.kernels.trace import clip, cond, fabs, load, square, where
+from gapsense.kernels.trace import clip, cond, fabs, load, not_, square, where
 
 TREND, KEEP, CLEAR = 0.07, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
 AT_ONCE = 2  # samples of a pass that are taken in a step
@@ -26,7 +26,7 @@ BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's
 # share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of a cycle
 # depend on its noise, as its landing does, and their product would move what no landing tells
 EAGER, YOUNG, STEADY = 0.5, 10.0, 0.05
-PLACE = 80e-6  # error of the position at the landing [m]
+PLACE, NOISIER = 80e-6, 1.5  # error of the position at the landing [m]; times that with a noisy current
 INSTANT = 0.5  # error of the time of the landing, in samples
 UNKNOWN = 1e6  # variance of what was not measured
 FLAT = 1e-9  # slope of the position at the landing by the balance [m]
@@ -109,10 +109,12 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     growth = slopes[NUMBERS] / where(fabs(slopes[0]) > FLAT, slopes[0], FLAT)
     balance = log(square(mean) / believed) - (law.mean[0] + law.mean[1] * x0)
     innovation = vector([balance, z1 - z, heard - v - growth * (z1 - z)])
+    is_noisy = state.running.averaged > 0.0
+    place = where(is_noisy, NOISIER * PLACE, PLACE)
     noise = vector(
         [
             square(BALANCE) + square(PART * step / mean),
-            where(has_landed, square(PLACE * late * late * late) + square(INSTANT * par.sample_time * v), UNKNOWN),
+            where(has_landed, square(place * late * late * late) + square(INSTANT * par.sample_time * v), UNKNOWN),
             where(has_landed & (is_measured | (law.was_plain < 1.0)), doubt, UNKNOWN),
         ]
     )
@@ -121,7 +123,7 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
     by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
     H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
-    learnt = _learnt(law, innovation, H, noise, is_soft & (state.since_plain > CLEAR))
+    learnt = _learnt(law, innovation, H, noise, is_soft & not_(is_noisy) & (state.since_plain > CLEAR))
     return state._replace(laws=laws.write(state.laws, course.half, learnt))
 
 

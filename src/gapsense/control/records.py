@@ -165,6 +165,7 @@ class Law(NamedTuple):
     length: Scalar  # samples of the last one
     was_plain: Scalar  # 1: that was an ordinary one
     was_followed: Scalar  # 1: in that the flux linkage could follow the profile
+    late: Scalar  # of an opening: by which the last one came late, by an estimator [s]
     seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
 
 
@@ -191,6 +192,8 @@ class Running(NamedTuple):
     last_age: Scalar  # samples of the operation before
     last_is_judged: Scalar  # the same of that
     strain: Scalar  # largest share of the voltage that the resistance has needed
+    averaged: Scalar  # soft operations, with this, whose noisy current is averaged; 0: it is used as it is
+    reluctance: Scalar  # where it begins [1/H]
     drawn_before: Scalar  # what an estimator had added to its flux linkage when it began [Wb]
     drawn_till_told: Scalar  # what an estimator has added to its flux linkage until its arrival was told [Wb]
 
@@ -217,6 +220,7 @@ class Coil(NamedTuple):
     voltage_zero: Scalar  # of the reading of the voltage [V]
     last_voltage: Scalar
     last_current: Scalar
+    used: Scalar  # the same, or with the mean of the last operations, as it is integrated [A]
     far: Scalar  # readings of the current in a row that were too far from the one before
     change: Scalar  # of the current in the last sample
     noise: Scalar  # of the current: its standard deviation [A]
@@ -279,7 +283,8 @@ class State(NamedTuple):
     noted: Noted
     laws: Annotated[Array, Memory(2 * LAW, LAW_SPANS)]
     fluxes: Annotated[Array, Memory(2 * LONGEST)]  # by the loop [Wb]
-    profiles: Annotated[Array, Memory(2 * LONGEST)]  # what the profile wanted where it was followed, or 0 [Wb]
+    # what the profile wanted where it was followed, or 0 [Wb]; if the current is averaged: its mean beside the flux [A]
+    profiles: Annotated[Array, Memory(2 * LONGEST)]
     charges: Annotated[Array, Memory(2 * LONGEST)]  # [A s]
     errors: Annotated[Array, Memory(2 * LONGEST)]  # of the loop's flux linkage [Wb]
     cycles: Scalar

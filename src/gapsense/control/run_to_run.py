@@ -23,6 +23,7 @@ from gapsense.control.coil import (
     held_resistance,
     integrated,
     is_scarce,
+    reluctance_at,
     steadied,
     told,
     topped,
@@ -62,7 +63,7 @@ from gapsense.control.records import (
     Running,
     State,
 )
-from gapsense.control.tracking import believed, is_late, mover_of, planned, tracked
+from gapsense.control.tracking import believed, expected_current, is_late, mover_of, planned, tracked
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
@@ -76,6 +77,8 @@ FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
+# of the noise that is warned of: from then on an estimator steadies the flux linkage, or a contact averages the current
+PART, AVERAGED = 0.5, 0.75
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
 
@@ -126,7 +129,7 @@ def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) ->
     coil, by_contact = state.coil, state.by_model < 1.0
     off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
     told = drawn(coil, where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
-    return cond(by_contact & not_(is_plain), lambda: topped(coil), lambda: told)
+    return cond(by_contact & not_(is_plain), lambda: topped(coil, state.running.averaged > 0.0), lambda: told)
 
 
 def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -163,7 +166,7 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
     new = cond(
         by_contact,
-        lambda: closed(coil, state.since_plain + 1.0, is_open, par),
+        lambda: closed(coil, state.since_plain + 1.0, is_open, state.running.averaged > 0.0, par),
         lambda: told(coil, state.cycles, inputs, par),
     )
     used = where(by_contact, new.measured, new.resistance)
@@ -221,13 +224,17 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     goes_on = not_(is_closing) & ((state.running.is_plain > 0.0) | is_unsure)
     is_plain = goes_on | falls_back | (is_closing & (not_(is_ready) | (inputs.enable <= 0.5)))
     starts_again = falls_back & not_(by_contact)  # until the estimator explains some windows again
-    learnt = vector([*_learnt(state, inputs, par), *(where(by_contact, x, 0.0) for x in law.mean)])
+    learnt = vector([*_learnt(state, inputs, par), *law.mean])
     m = mover_of(learnt, par)
     z0, _ = stops(is_closing, m)
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
     is_plain = is_plain | is_there | (state.alarm > 0.0)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
+    balance_flux = sqrt(balance(z0, m))
+    is_noisy = wandering(state.coil, par) > AVERAGED * NOISY * balance_flux
+    is_noisy = where(is_closing, is_noisy, state.running.averaged > 0.0)  # an opening goes with its closing
+    is_averaged = by_contact & is_noisy & (inputs.windows < 1.0)  # an estimator steadies better
     is_unexplained = starts_again & (state.alarm < 1.0)
     return state._replace(
         noted=state.noted._replace(unexplained=where(is_unexplained, 1.0, state.noted.unexplained)),
@@ -240,7 +247,9 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             speed=law.speed,
             travel=law.travel,
             learnt=learnt,
-            balance_flux=sqrt(balance(z0, m)),
+            balance_flux=balance_flux,
+            averaged=where(is_averaged, state.running.averaged + where(is_plain, 0.0, 1.0), 0.0),
+            reluctance=reluctance_at(z0, par),
             due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
@@ -323,9 +332,14 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
     running = state.running._replace(age=state.running.age + 1.0)
-    coil, is_lost = integrated(state.coil, inputs, is_late(running, par), par)
-    time, before, noisy = running.age * par.sample_time, running.drawn_before, _is_noisy(state, par, 0.5)
-    coil = cond(state.by_model > 0.0, lambda: steadied(coil, inputs, time, before, noisy, par), lambda: coil)
+    usual = cond(running.averaged > 0.0, lambda: expected_current(state, running, par), lambda: (0.0, 1.0))
+    coil, is_lost = integrated(state.coil, inputs, is_late(running, par), *usual, par)
+
+    def steady() -> Coil:
+        time, is_noisy = running.age * par.sample_time, _is_noisy(state, par, PART)
+        return steadied(coil, inputs, time, running.drawn_before, is_noisy, par)
+
+    coil = cond(state.by_model > 0.0, steady, lambda: coil)
     running = running._replace(
         drawn_till_told=where(running.age <= told_at(running, par), coil.drawn, running.drawn_till_told)
     )

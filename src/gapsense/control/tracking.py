@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from gapsense.control import correction
-from gapsense.control.coil import driving
+from gapsense.control.coil import driving, follow
 from gapsense.control.mover import Mover, make_mover
 from gapsense.control.profile import LEAST, Operation, flux, is_planned
 from gapsense.control.records import LONGEST, Parameters, Running, State
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.trace import clip, cond, fabs, not_, square, store, where
+from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, square, store, where
 
 GAIN = 2000.0  # of the flux linkage [1/s]
 ENDS = 1.01  # of the least square of a flux linkage: the profile wants less than none
 FRESH = 1e-3  # time after a limit of the voltage in which nothing is learnt [s]
+UNTIL = (1.2, 0.7)  # travels of a closing, an opening, after which a noisy current is used as it is
+MEASURED, LASTING = 0.1, 0.05  # least share of that before; of an operation in the mean of the last ones
 
 
 def planned(half: Scalar, speed: Scalar, travel: Scalar, start: Scalar, par: Parameters) -> Operation:
@@ -66,7 +68,7 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
         return where(running.age > 0.0, running.wanted, plan.start), flux(time + T_s, plan, m)
 
     now, then = cond(is_on, profile, lambda: (0.0, 0.0))
-    ohmic = coil.resistance * (coil.last_current + 0.5 * coil.change)
+    ohmic = coil.resistance * where(running.averaged > 0.0, coil.used, coil.last_current + 0.5 * coil.change)
     wanted = (then - now) / T_s + ohmic + GAIN * (now + _error(state, is_on) - coil.flux)
     asked = wanted / coil.bridge_gain
     u = clip(asked, par.voltage_least, par.voltage_most)
@@ -86,12 +88,38 @@ def _kept(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Sc
     """What the laws need of a sample."""
     running, at = _watched(state, is_on, then, is_limited, par), place(state.running, state.running.age)
     is_clear = is_on & (running.since_limit * par.sample_time > FRESH)
+    kept = cond(running.averaged > 0.0, lambda: _averaged(state, at), lambda: where(is_clear, now, 0.0))
     return state._replace(
         running=running,
         fluxes=store(state.fluxes, at, state.coil.flux),
-        profiles=store(state.profiles, at, where(is_clear, now, 0.0)),
+        profiles=store(state.profiles, at, kept),
         charges=store(state.charges, at, state.coil.charge),
     )
+
+
+def expected_current(state: State, running: Running, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Current at a sample by the flux linkage and the last operations, and the share that the measured one has.
+
+    What noise adds to the integral of u - R i early in an operation moves the mover most; there it is left out, as the
+    mover is where it was in the last ones. Later only the measured current tells how late it is.
+    """
+    expected = load(state.profiles, place(running, running.age)) + running.reluctance * state.coil.flux
+    is_closing = running.command > 0.5
+    after = running.age * par.sample_time - where(is_closing, par.closing_lead, par.opening_lead)
+    share = clip(after / (where(is_closing, *UNTIL) * running.travel), follow(_kind(running), MEASURED), 1.0)
+    return expected, where(running.is_plain > 0.0, 1.0, share)
+
+
+def _averaged(state: State, at: Scalar) -> Scalar:
+    """Mean of the current of soft operations at a sample, beside that of the flux linkage where they begin [A]."""
+    running, coil, mean = state.running, state.coil, load(state.profiles, at)
+    share = where(running.is_plain > 0.0, 0.0, follow(_kind(running), LASTING))
+    return mean + share * (coil.last_current - running.reluctance * coil.flux - mean)
+
+
+def _kind(running: Running) -> Scalar:
+    """Averaged operations of its own kind, with this one; kinds take turns."""
+    return floor(0.5 * (running.averaged + 1.0))
 
 
 def place(running: Running, sample: Scalar) -> Scalar:

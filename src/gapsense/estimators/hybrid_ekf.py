@@ -14,8 +14,20 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators import readings
-from gapsense.estimators.kalman import Gaussian, condition, predict, project, surprise
-from gapsense.estimators.watch import counted, is_far, near, patient
+from gapsense.estimators.kalman import Gaussian, condition, normalised, predict, project
+from gapsense.estimators.watch import (
+    EDGE,
+    WILD,
+    Limits,
+    Now,
+    Usual,
+    compared,
+    counted,
+    is_far,
+    leaves,
+    patient,
+    unknown,
+)
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import choice, fixed, measured, output, parameter, ports, same, sample_time
 from gapsense.kernels.layout import Array, Choice, Covariance, Scalar, Vector, flat, record
@@ -64,6 +76,12 @@ class Parameters(NamedTuple):
     sub_steps: Scalar = fixed("1", "Steps of a sampling interval in the air", 2.0, min=1.0, max=64.0, name="sub_steps")
     landing_band: Scalar = parameter("1", "Share of s_max within which an approach counts as a landing", 0.03, min=0.0)
     noise_current: Scalar = parameter("A", "Standard deviation of the current noise", 1e-3, min=1e-12)  # sigma_i
+    noise_sensor: Scalar = parameter(
+        "A", "That of the sensor alone, where `noise.current` has an error of the model, too; 0: the same", 0.0, min=0.0
+    )
+    noise_voltage: Scalar = parameter(
+        "V", "Standard deviation of the voltage noise, beyond which health looks for edges", 30e-3, min=0.0
+    )
     process_current: Scalar = parameter(
         "A", "Standard deviation of its process noise per sample, on a stop", 3e-4, min=0.0
     )
@@ -79,7 +97,14 @@ class Parameters(NamedTuple):
     range_current: Scalar = readings.RANGE_CURRENT
     range_innovation: Scalar = readings.RANGE_INNOVATION
     health_samples: Scalar = parameter("1", "Samples over which the innovations are averaged", 50.0, min=1.0)
-    health_limit: Scalar = parameter("1", "Largest mean of the squared normalised innovation", 4.0, min=0.0)
+    health_limit: Scalar = parameter("1", "Largest mean of the squared normalised innovation", 25.0, min=0.0)
+
+
+class Alone(NamedTuple):
+    """The model without the filter, which no current corrects: what `health` is judged by."""
+
+    x_alone: Annotated[Array, Vector(3)]  # (i, s, v)
+    mode_alone: Scalar  # q
 
 
 class State(NamedTuple):
@@ -89,8 +114,9 @@ class State(NamedTuple):
     P: Annotated[Array, Covariance(3)]
     mode: Scalar  # q
     voltage: Scalar  # last voltage that could be read, held until the next sample [V]
-    surprise: Scalar  # mean of the squared normalised innovation [1]
     far: Scalar  # samples in a row with a wild innovation
+    alone: Alone
+    usual: Usual
 
 
 @ports()
@@ -177,7 +203,9 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     x = vector([par.prior_current, where(is_upper, par.stop_upper, 0.0), 0.0])
     estimate = Hybrid(x, diagonal([square(par.prior_current_std), 0.0, 0.0]), where(is_upper, UPPER, LOWER))
     now, _, is_whole = _read(inputs, 0.0, par)
-    state = State(x=estimate.x, P=estimate.P, mode=estimate.q, voltage=now.voltage, surprise=1.0, far=0.0)
+    alone = Alone(estimate.x, estimate.q)
+    x, P, q = estimate
+    state = State(x=x, P=P, mode=q, voltage=now.voltage, far=0.0, alone=alone, usual=unknown())
     std = deviation(estimate.P[CURRENT, CURRENT] + tuning(par).R)
     return state, _outputs(estimate, 0.0, std, readings.health({readings.LOST: not_(is_whole)}))
 
@@ -186,20 +214,38 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample: prediction over the interval with the voltage at its start, correction, landing."""
     mod, tun = model(par), tuning(par)
     prior = ahead(Hybrid(state.x, state.P, state.mode), state.voltage, mod, tun)
+    alone = _alone(state.alone, state.voltage, mod, tun)
     now, has_current, is_whole = _read(inputs, state.voltage, par)
     innovation = where(has_current, now.current - prior.x[CURRENT], 0.0)
     std = deviation(prior.P[CURRENT, CURRENT] + tun.R)
     is_used = has_current & not_(is_far(innovation, std, patient(par.range_innovation, state.far)))
     posterior = cond(is_used & not_(tun.is_open_loop), lambda: _corrected(prior, innovation, mod, tun), lambda: prior)
-    surprised = surprise(state.surprise, near(innovation, std), std, par.health_samples)
-    surprised = where(is_used, surprised, state.surprise)
     far = counted(state.far, is_far(innovation, std, par.range_innovation))
-    health = readings.health(
-        {readings.INNOVATION: surprised >= par.health_limit, readings.LOST: not_(is_used & is_whole)}
+    noise = where(par.noise_sensor > 0.0, par.noise_sensor, par.noise_current)
+    seen = Now(
+        innovation=normalised(innovation, std),
+        error=(now.current - alone.x_alone[CURRENT]) / noise,
+        is_used=is_used,
+        leaves=leaves(state.alone.x_alone[POSITION], alone.x_alone[POSITION], 0.0, mod.s_max),
+        is_edge=readings.is_edge(now.voltage - state.voltage, EDGE, par.noise_voltage),
     )
-    voltage = now.voltage
-    state = State(x=posterior.x, P=posterior.P, mode=posterior.q, voltage=voltage, surprise=surprised, far=far)
+    usual = compared(state.usual, seen, Limits(par.health_samples, par.health_limit, 0.0))
+    health = readings.health(
+        {
+            readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, std, WILD),
+            readings.LOST: not_(is_used & is_whole),
+            readings.OTHER: usual.other > 0.0,
+        }
+    )
+    x, P, q = posterior
+    state = State(x=x, P=P, mode=q, voltage=now.voltage, far=far, alone=alone, usual=usual)
     return state, _outputs(posterior, innovation, std, health)
+
+
+def _alone(before: Alone, u: Scalar, mod: Model, tun: Tuning) -> Alone:
+    """The model alone one sampling interval later."""
+    after = ahead(Hybrid(before.x_alone, diagonal([0.0] * 3), before.mode_alone), u, mod, tun)
+    return Alone(after.x, after.q)
 
 
 def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[Inputs, Scalar, Scalar]:

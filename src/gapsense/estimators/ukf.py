@@ -36,7 +36,7 @@ from gapsense.estimators.valve_model import (
     segment,
     transition,
 )
-from gapsense.estimators.watch import Limits, Now, Usual, compared, is_far, unknown
+from gapsense.estimators.watch import EDGE, WILD, Limits, Now, Usual, compared, is_far, leaves, unknown
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import output, ports, same
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
@@ -120,9 +120,6 @@ UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
-WILD = 200.0  # deviations of an innovation that is told in its sample, however few there are
-EDGE = 1.0  # change of the voltage beyond its noise from which on an operation is compared from there [V]
-NEAR = 0.05  # part of the stroke within which the position is at a stop
 LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 
 
@@ -231,7 +228,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         innovation=normalised(innovation, S),
         error=(where(has_current, inputs.current, expected) - expected) / par.noise_current,
         is_used=has_current & is_sound,
-        leaves=_leaves(state.alone.x_alone, alone.x_alone, par),
+        leaves=leaves(state.alone.x_alone[POSITION], alone.x_alone[POSITION], par.stop_lower, par.stop_upper),
         is_edge=readings.is_edge(voltage - state.voltage, EDGE, par.noise_voltage),
     )
     usual = compared(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0))
@@ -262,14 +259,6 @@ def _alone(before: Alone, voltage: Scalar, m: Model, par: Parameters) -> tuple[A
     x[FLUX_LINKAGE] = clip(x[FLUX_LINKAGE], -largest, largest)
     x = vector([where(_is_finite(value), value, start) for value, start in zip(x, _start(par))])
     return Alone(x, held.hysteresis), observation(x, held, segment(x[POSITION], par), m)[0]
-
-
-def _leaves(before: Array, x: Array, par: Parameters) -> Scalar:
-    """The stop that the position leaves, as a mode; 0: none.  At rest it is some nm away from there."""
-    z, now, near = before[POSITION], x[POSITION], NEAR * (par.stop_upper - par.stop_lower)
-    low, high = par.stop_lower + near, par.stop_upper - near
-    is_low, is_high = (z <= low) & (now > low), (z >= high) & (now < high)
-    return where(is_low, 1.0, where(is_high, 3.0, 0.0))
 
 
 def _read(inputs: Inputs, voltage: Scalar, par: Parameters) -> tuple[tuple[Scalar, Scalar], Scalar]:

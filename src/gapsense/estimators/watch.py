@@ -10,6 +10,7 @@ from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import clip, cond, fabs, floor, load, loop, not_, sqrt, square, store, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
+WILD = 200.0  # deviations of an innovation that is told in its sample, however few there are
 FAR = 10.0  # deviations as which a larger innovation or current error counts, so that a burst is soon forgotten
 OFTEN = 0.3  # share of the samples in which a position may be put back to a bound
 LONG = 6.0  # time over which a current error counts, in those over which an innovation does
@@ -22,9 +23,12 @@ FEW, KNOWN = 4.0, 20.0  # operations after which what is usual is used, and afte
 ALIKE = 4.0  # largest range of a part in operations that are alike but for noise [deviations]
 RARE = 6e-4  # probability that a mean is too far beyond those of other operations where they are not alike
 WIDER, SLACK = 0.45, 0.2  # how far it may be beyond them in any case: part of the range, and so many deviations more
+ALIKE_WIDER, ALIKE_SLACK, BESIDE = 0.9, 0.5, 0.1  # the same where they are alike, with a share of the parts beside
 MOST = 1e3  # deviations as which a larger error of the model's current counts
 PARTS, PER_MEAN = 24, 4.0  # of an operation, and how many of them are as long as `Limits.samples`
 RESTING = PARTS // 2  # the part that begins at an edge of the voltage, before which the mover may rest for any time
+EDGE = 1.0  # change of the voltage beyond its noise from which on an operation is compared from there [V]
+AWAY = 0.05  # share of the stroke within which the position of the model alone is at a stop
 FALL = 0.005  # share of an operation in what is usual, if it has less; one that has more is usual from then on
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
 
@@ -183,12 +187,16 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
     part = half + clip(part, 0.0, RESTING - 1.0)
 
     def ended() -> tuple[Array, Scalar]:
-        above, below = (_most(before.usual, first, part, half, k * PARTS) for k in (0, 1))
         is_alike = (before.operations >= KNOWN) & (before.spread <= ALIKE)
         n = larger(floor(0.5 * before.operations), 0.5 * FEW)
-        more = where(is_alike, WIDER, larger(beyond(n), WIDER))
-        most = more * (above + below - 2.0 * MOST) + SLACK
-        is_beyond = (MOST + biased > above + most) | (MOST - biased > below + most)
+
+        def is_unusual(beside: float, more: Scalar, slack: float) -> Scalar:
+            above, below = (_most(before.usual, first, part, half, k * PARTS, beside) for k in (0, 1))
+            most = more * (above + below - 2.0 * MOST) + slack
+            return (MOST + biased > above + most) | (MOST - biased > below + most)
+
+        is_beyond = is_unusual(1.0, where(is_alike, WIDER, larger(beyond(n), WIDER)), SLACK)
+        is_beyond = is_beyond | (is_alike & is_unusual(BESIDE, ALIKE_WIDER, ALIKE_SLACK))
         is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(before.usual, first + part) > 0.0)
         seen = before.seen
         for k, value in enumerate((MOST + biased, MOST - biased)):
@@ -225,10 +233,14 @@ def beyond(n: Scalar) -> Scalar:
     return exp(log(2.0 / (RARE * (n + 1.0))) / (n - 1.0)) - 1.0
 
 
-def _most(usual: Array, first: Scalar, part: Scalar, half: Scalar, k: int) -> Scalar:
-    """The most of a part and of those beside it in the same half: with another supply the mover comes sooner."""
+def _most(usual: Array, first: Scalar, part: Scalar, half: Scalar, k: int, beside: float) -> Scalar:
+    """The most of a part, and a share of what those beside it in the same half have more.
+
+    With another supply the mover comes sooner; where operations are alike, it comes when it came before.
+    """
     before, after = (load(usual, first + clip(part + e, half, half + (RESTING - 1.0)), k) for e in (-1.0, 1.0))
-    return larger(larger(before, after), load(usual, first + part, k))
+    own = load(usual, first + part, k)
+    return own + beside * (larger(larger(before, after), own) - own)
 
 
 def _begun(seen: Array, before: Usual, first: Scalar, is_learnt: Scalar) -> tuple[Array, Array, Scalar]:
@@ -255,6 +267,14 @@ def larger(a: Scalar, b: Scalar) -> Scalar:
 def is_takeoff(left: Scalar, leaves: Scalar) -> Scalar:
     """Whether the mover leaves another stop than before, so that a bounce is none."""
     return (leaves > 0.0) & not_(leaves == left)
+
+
+def leaves(before: Scalar, now: Scalar, low: Scalar, high: Scalar) -> Scalar:
+    """The stop that the position of the model alone leaves, as a mode; 0: none.  At rest it is some nm away from it."""
+    near = AWAY * (high - low)
+    low, high = low + near, high - near
+    is_low, is_high = (before <= low) & (now > low), (before >= high) & (now < high)
+    return where(is_low, 1.0, where(is_high, 3.0, 0.0))
 
 
 def stationary(noise: Scalar, memory: Scalar, per: Scalar) -> Scalar:

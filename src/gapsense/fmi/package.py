@@ -14,10 +14,11 @@ from importlib import metadata
 from importlib.metadata import distribution
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 from uuid import UUID
 from xml.etree import ElementTree
 
+from gapsense._os.files import write_atomically
 from gapsense.fmi import describe, page, picture, references, shim
 from gapsense.fmi.components import HOLDS, kernel_of, load_component
 from gapsense.fmi.ports import Component, Port
@@ -230,14 +231,18 @@ def _license_of(package: str) -> bytes:
 
 
 def write(members: dict[str, bytes], path: Path) -> Path:
-    """Write the archive in a fixed order with fixed times, under a temporary name first."""
-    temporary = path.with_suffix(".part")
-    with zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+    """Write the archive in a fixed order with fixed times; a failure leaves the old one as it was, and nothing else."""
+    write_atomically(path, lambda file: archive_of(members, file.buffer))
+    return path
+
+
+def archive_of(members: Mapping[str, bytes], file: IO[bytes]) -> None:
+    """Write the members as a ZIP archive."""
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(members, key=lambda n: (n != "modelDescription.xml", n)):
             info = zipfile.ZipInfo(name, EPOCH)
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(info, members[name], compresslevel=9)
-    return temporary.replace(path)
 
 
 # Build an FMU in a process that may have loaded FMUs, or may load this one later.

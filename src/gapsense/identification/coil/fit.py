@@ -15,6 +15,8 @@ is below the noise counts as noise: to fit the noise, or what little the edges l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from itertools import combinations
 from typing import NamedTuple
 
@@ -76,6 +78,7 @@ class Range(NamedTuple):
     high: float
 
 
+@cache
 def ranges(s: Size) -> dict[str, Range]:
     """Ranges by field: a bend far beyond the flux linkage, or a turnover beyond it, is not seen."""
     R, r, lam = s.resistance, 1.0 / s.inductance, s.flux_linkage
@@ -149,7 +152,8 @@ AT_LIMIT = 1e-3  # of the range of a logarithm
 Matrix = npt.NDArray[np.float64]
 
 
-class Problem(NamedTuple):
+@dataclass(frozen=True)
+class Problem:
     """The cost of a form; a point is the logarithms, then offsets in parts of what is hidden."""
 
     form: Form
@@ -157,7 +161,7 @@ class Problem(NamedTuple):
     runs: Sequence[Run]
     convention: str = ""  # the reading of the voltage between samples; none leaves the records as they are
 
-    @property
+    @cached_property
     def offsets(self) -> list[tuple[int, int]]:
         """Run and signal of each offset."""
         return [(k, j) for k, run in enumerate(self.runs) for j, most in enumerate(run.hidden) if most > 0.0]
@@ -167,14 +171,14 @@ class Problem(NamedTuple):
         """Steps are damped alike in all logarithms: in the valley of reluctances and saturation others creep."""
         return np.full(self.start.size, LENGTH)
 
-    @property
+    @cached_property
     def limits(self) -> tuple[Vector, Vector]:
         """Lowest and highest point."""
         of_form, ones = [ranges(self.size)[name] for name in self.form.names], np.ones(len(self.offsets))
         low, high = np.log([[r.low, r.high] for r in of_form]).T
         return np.append(low, -ones), np.append(high, ones)
 
-    @property
+    @cached_property
     def start(self) -> Vector:
         """The usual one."""
         logs = np.log([ranges(self.size)[name].start for name in self.form.names])
@@ -371,7 +375,7 @@ def fit_coil(
     found = list[Fitted]()
     for k, form in enumerate(FORMS):
         progress(k, len(FORMS))
-        found += richest if form is RICHEST else minima([m.problem._replace(form=form) for m in richest])
+        found += richest if form is RICHEST else minima([replace(m.problem, form=form) for m in richest])
     chosen = found[best(found)[0]]
     return _coil(chosen, [m for m in found if m.problem.convention == chosen.problem.convention])
 

@@ -20,6 +20,8 @@ from gapsense.kernels.emit import Graph, Lanes, Numpy, compiled
 from gapsense.kernels.emit.c import held
 
 Row: TypeAlias = tuple[Any, ...]
+# Of a result: the argument that it is, as array memory and tables stay where they are; zeros of new memory; or a call.
+Origin: TypeAlias = "int | list[float] | None"
 NUMBERS = "numbers"  # the column of plain numbers, the same for all runs
 ONE = (float, int, list)  # what an entry is if there is one run only
 WHOLE = -1  # in place of a row: all numbers of a column, which are array memory or a table
@@ -109,19 +111,28 @@ class Code:
             return self.numpy(*rows, 0)
 
     def _recorded(self, record: Record, entries: Sequence[Any]) -> Any:
-        taken = [record.value(entry) for entry in entries]
-        made: list[Value] = []
-        kept = {symbol.id: value for symbol, value in zip(self.symbols, taken)}
-        results = [tuple(self._made(entry, kept, made, record) for entry in row) for _, row in self.graph.results]
+        taken, made = [record.value(entry) for entry in entries], list[Value]()
+
+        def value(origin: Origin) -> Value:
+            """Value of an entry of a result."""
+            if isinstance(origin, list):
+                return record.memory(len(origin))
+            if origin is not None:
+                return taken[origin]
+            made.append(Value(record))
+            return made[-1]
+
+        results = [tuple(map(value, row)) for row in self._origins]
         record.calls.append(Call(self, taken, made))
         return results[0] if len(results) == 1 else tuple(results)
 
-    @staticmethod
-    def _made(entry: Any, kept: dict[int, Value], made: list[Value], record: Record) -> Value:
-        """Value of an entry of a result; array memory and tables stay where they are."""
-        if isinstance(entry, list):
-            return record.memory(len(entry))
-        if (array := held(entry)) is not None:
-            return kept[array.id]
-        made.append(Value(record))
-        return made[-1]
+    @cached_property
+    def _origins(self) -> list[list[Origin]]:
+        """Of each entry of the results."""
+        at = {symbol.id: k for k, symbol in enumerate(self.symbols)}
+
+        def origin(entry: Any) -> Origin:
+            array = None if isinstance(entry, list) else held(entry)
+            return entry if isinstance(entry, list) else None if array is None else at[array.id]
+
+        return [[origin(entry) for entry in row] for _, row in self.graph.results]
