@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from c_code import driven, fresh
+from c_code import driven, switched
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.fmi.components import kernel_parameters, own
@@ -53,17 +53,12 @@ def faulty(
 ) -> Signals:
     """The square wave, or operations with other starts or supplies, with another valve in some of its halves."""
     starts = START + HALF * np.arange(halves + 1) if starts is None else starts
-    kernel, k = fresh(reluctance_actuator), np.arange(starts[-1])
+    k = np.arange(starts[-1])
     half = np.searchsorted(starts, k, side="right") - 1
     voltage = np.where((k >= START) & (half % 2 == 0), np.resize(volts, starts.size)[half], 0.0)
-    devices = (valve, valve._replace(**changes))
-    rows = np.empty((k.size, kernel.outputs.size))
-    for n in range(k.size):
-        given = (n * T_S, T_S, voltage[n - 1]) if n else (0.0, 0.0, 0.0)
-        kernel.call("step" if n else "initial", given, devices[int(first <= half[n] < last)])
-        rows[n] = kernel.outputs
-    places = map(reluctance_actuator.Outputs._fields.index, ("current", "mode", "position", "flux_linkage"))
-    current, *others = (rows[:, place] for place in places)
+    devices, is_other = (valve, valve._replace(**changes)), (first <= half) & (half < last)
+    shown = ("current", "mode", "position", "flux_linkage")
+    current, *others = switched(reluctance_actuator, devices, 1 * is_other, voltage, T_S, *shown).T
     return Signals(voltage, current + 2e-3 * np.random.default_rng(2).standard_normal(k.size), *others)
 
 

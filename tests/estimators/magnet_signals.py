@@ -7,14 +7,14 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from c_code import driven, fresh
+from c_code import driven, switched
 from magnets import POT_MAGNET, POT_MAGNET_PRINTED
 from table_i import defaults
 
 from gapsense.actuators import pot_magnet
 from gapsense.estimators import hybrid_ekf
 
-T_S = 1e-4
+T_S, SHOWN = 1e-4, ("current", "position", "velocity", "mode")
 PLANTS = {"consistent": POT_MAGNET, "printed": POT_MAGNET_PRINTED}
 PULSES = {  # (duration, voltage) and the transitions that they cause in the consistent orientation
     "cycle": (((0.05, 24.0), (0.05, 0.0)), [(0, 1), (1, 2), (2, 3), (3, 4), (4, 0)]),
@@ -42,22 +42,15 @@ class Signals(NamedTuple):
 def magnet(pulses: str = "cycle", orientation: str = "consistent") -> Signals:
     """The plant during pulses of the voltage, from rest."""
     held = [0.0] * 5 + [u for duration, u in PULSES[pulses][0] for _ in range(round(duration / T_S))]
-    voltage, names = np.array(held), ("current", "position", "velocity", "mode")
-    return Signals(voltage, driven(pot_magnet, PLANTS[orientation], voltage, T_S, *names))
+    voltage = np.array(held)
+    return Signals(voltage, driven(pot_magnet, PLANTS[orientation], voltage, T_S, *SHOWN))
 
 
 def faulty(first: int, last: int, halves: int, half: int, **changes: float) -> Signals:
     """A square wave of 24 V, with another magnet in some of its halves."""
-    kernel, devices = fresh(pot_magnet), (POT_MAGNET, POT_MAGNET._replace(**changes))
-    count = np.arange(halves * half) // half
-    voltage = np.where(count % 2 == 0, 24.0, 0.0)
-    rows = np.empty((voltage.size, kernel.outputs.size))
-    for n in range(voltage.size):
-        given = (n * T_S, T_S, voltage[n - 1]) if n else (0.0, 0.0, 0.0)
-        kernel.call("step" if n else "initial", given, devices[int(first <= count[n] < last)])
-        rows[n] = kernel.outputs
-    places = map(pot_magnet.Outputs._fields.index, ("current", "position", "velocity", "mode"))
-    return Signals(voltage, np.array([rows[:, place] for place in places]).T)
+    devices, count = (POT_MAGNET, POT_MAGNET._replace(**changes)), np.arange(halves * half) // half
+    voltage, is_other = np.where(count % 2 == 0, 24.0, 0.0), (first <= count) & (count < last)
+    return Signals(voltage, switched(pot_magnet, devices, 1 * is_other, voltage, T_S, *SHOWN))
 
 
 def exact(orientation: str = "consistent", **changes: float) -> Any:

@@ -138,9 +138,21 @@ def run(module: Any, rows: Iterable[Sequence[float]] | np.ndarray, par: Any) -> 
 
 def driven(plant: Any, par: Any, voltage: np.ndarray, dt: float, *shown: str) -> np.ndarray:
     """Outputs of an actuator at multiples of `dt` [s], one column per name; each voltage [V] is held until the next."""
+    return run(plant, _samples(voltage, dt), par)[:, [names(plant.Outputs).index(name) for name in shown]]
+
+
+def switched(plant: Any, devices: Sequence[Any], which: np.ndarray, voltage: np.ndarray, dt: float, *shown: str) -> Any:
+    """As `driven`, with another one of the devices from sample to sample."""
+    kernel, found = fresh(plant), []
+    for n, (row, device) in enumerate(zip(_samples(voltage, dt), which)):
+        kernel.call("step" if n else "initial", row, devices[device])
+        found.append(kernel.outputs.copy())
+    return np.array(found)[:, [names(plant.Outputs).index(name) for name in shown]]
+
+
+def _samples(voltage: np.ndarray, dt: float) -> np.ndarray:
     k = np.arange(len(voltage))
-    rows = np.c_[k * dt, np.where(k > 0, dt, 0.0), np.r_[0.0, voltage[:-1]]]
-    return run(plant, rows, par)[:, [names(plant.Outputs).index(name) for name in shown]]
+    return np.c_[k * dt, np.where(k > 0, dt, 0.0), np.r_[0.0, voltage[:-1]]]
 
 
 class Values(NamedTuple):

@@ -13,6 +13,7 @@ dot, here `coil.resistance`, unless `name` says otherwise.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
@@ -39,6 +40,8 @@ class Same(NamedTuple):
 
 # a further column of the table in the field before
 COLUMN: Any = Port(name="", causality="column", unit="1", description="", start=[])
+# a parameter without unit that is set before a run
+SETTING: Any = partial(Port, causality="parameter", unit="1", variability="fixed")
 
 
 # the ports of fields; they are Any, as the fields are
@@ -105,44 +108,17 @@ def sample_time(start: float) -> Any:
 def seed() -> Any:
     """The seed of a component's random numbers."""
     text = "Seed of the random numbers: the same seed gives the same bits"
-    return Port(
-        name="seed",
-        causality="parameter",
-        unit="1",
-        description=text,
-        start=1,
-        min=0,
-        max=2**31 - 1,
-        nominal=1.0,
-        kind="Integer",
-        variability="fixed",
-    )
+    return SETTING(name="seed", description=text, start=1, min=0, max=2**31 - 1, kind="Integer")
 
 
 def option(description: str, start: bool, name: str = "") -> Any:
     """A Boolean parameter."""
-    return Port(
-        name=name,
-        causality="parameter",
-        unit="1",
-        description=description,
-        start=start,
-        kind="Boolean",
-        variability="fixed",
-    )
+    return SETTING(name=name, description=description, start=start, kind="Boolean")
 
 
 def choice(description: str, name: str = "") -> Any:
     """A String parameter whose values are the names of the `Choice` in its annotation, the first by default."""
-    return Port(
-        name=name,
-        causality="parameter",
-        unit="1",
-        description=description,
-        start=0.0,
-        kind="String",
-        variability="fixed",
-    )
+    return SETTING(name=name, description=description, start=0.0, kind="String")
 
 
 def table(description: str, columns: tuple[str, ...], start: str, name: str = "") -> Any:
@@ -150,16 +126,7 @@ def table(description: str, columns: tuple[str, ...], start: str, name: str = ""
 
     It stands at the field of the first column; those of the others are `COLUMN`.  A file is no default: that is empty.
     """
-    return Port(
-        name=name,
-        causality="parameter",
-        unit="1",
-        description=description,
-        start=start,
-        kind="String",
-        variability="fixed",
-        columns=columns,
-    )
+    return SETTING(name=name, description=description, start=start, kind="String", columns=columns)
 
 
 def part(feedthrough: tuple[str, ...] = HERE) -> Any:
