@@ -44,9 +44,9 @@ def test_option_given_twice_is_refused(words):
     assert code == 2 and f"`{words[0]}`: given twice. Keep one." in said
 
 
-def test_sweep_of_no_seed_is_refused_before_the_scenario_is_read():
-    code, said = gapsense("sweep", "nothing", "--seeds", "0")
-    assert code == 2 and "Invalid value for '--seeds'" in said and "nothing" not in said
+def test_sweep_of_no_seed_is_told_alone():
+    code, said = gapsense("sweep", "semera_valve", "--seeds", "0")
+    assert (code, said) == (2, "seeds: 0 found, at least 1 expected. Correct it.")
 
 
 def test_report_on_a_record_does_not_say_run_again(folder):

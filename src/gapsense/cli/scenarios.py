@@ -71,9 +71,7 @@ def sweep(
     seeds: Annotated[
         int | None,
         typer.Option(
-            help="Runs of each combination; run i adds i to every seed",
-            show_default="1, or 200 without `[sweep]`",
-            min=1,
+            help="Runs of each combination; run i adds i to every seed", show_default="1, or 200 without `[sweep]`"
         ),
     ] = None,
     variant: cli.Variant = None,
