@@ -75,7 +75,7 @@ LOST = 1.0  # relative standard error
 FACTOR = "coil_factor"  # no parameter of the device, but one on the resistances of (23)
 GUESSED = ("core_eddy", "core_hysteresis", "core_turnover", "gap_window", "gap_area")
 LIMITS = {**dict.fromkeys(GUESSED, WIDE), "core_turnover": 10.0}  # below, hysteresis is friction; beyond, a reluctance
-HIGHEST = {"core_saturation": 1e4}  # upwards: of a core that hardly saturates no guess is near
+HIGHEST = {"core_saturation": 100.0}  # upwards: of a core that hardly saturates no guess is near
 
 
 class Form(NamedTuple):
