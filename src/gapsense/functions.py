@@ -334,7 +334,7 @@ def fem(
     assumed = [*["coil.turns"] * no_turns, *(n for n in stops if n not in known), *marked]
     models = show.make_models(points, number, float(given["stop.lower"]), float(given["stop.upper"]))
     tuning, told = show.windows(models, given, supply)
-    losses = {} if "core.eddy" in {*known} - {*marked} else untold_losses(number)
+    losses = untold_losses(number, models.reduced.saturation, {*known} - {*marked})
     tuning = show.untold({**losses, **tuning}, known, marked)
     assumed = [*dict.fromkeys((*assumed, *(name for name in GUESSED if name in tuning)))]
     shown = [*show.fem_tables(models), *told, *show.beyond(points, given, assumed), *meanings(assumed)]
@@ -391,6 +391,7 @@ def estimate(
         how = reading(pairs(column), "end", separator, decimal, clipped)
         record = thin(*read_records(paths, how, needs="samples"))
     record, (values, assumed) = judge.subtract_given(record, pairs(offset)), read_sets(sets)
+    record = judge.coarsen(record, wanted, judge.estimators(every), values)
     names, left_out = judge.choose_estimators(wanted, judge.estimators(every), record, values)
     notes = [*about(record), *(f"left out: {reason}" for reason in left_out)]
     take_values(find_components(every, names), sets, find_components(every))  # before any run

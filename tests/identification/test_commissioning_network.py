@@ -118,6 +118,36 @@ def test_a_table_of_the_gap_law_is_no_more_certain_than_a_formula(concluded):
     assert 2e-6 < fit.position_error(result) < 50e-6
 
 
+def test_errors_grow_where_what_was_believed_disagrees_beyond_chance(concluded):
+    """Of a plunger on soft stops 2.3 % of the mass were stated where it was 15 % off, and the spring 60 %."""
+    result, known = concluded
+    p = fit.Problem(known, result.names, result.drives, beyond=result.beyond)
+    x, moved = np.zeros(p.deviations.size), p.names.index("spring_stiffness")
+    x[moved] = 7.0 * p.deviations[moved]
+    far = p._replace(known=known._replace(spring_stiffness=known.spring_stiffness * np.exp(-x[moved])))
+    grown = fit.conclude(far, x, 0)
+    assert grown.errors["mover_mass"] > 1.5 * fit.conclude(p, 0.0 * x, 0).errors["mover_mass"]
+
+
+def test_better_answer_is_given_where_none_explains_the_record(concluded):
+    """A pot magnet had 21 mA left, and stops that bounce left 6.5 mA, 1.32 times its noise."""
+    result, _ = concluded
+
+    def leaving(rms, limit):
+        return result._replace(residuals=[r._replace(rms=rms, limit=limit) for r in result.residuals])
+
+    assert fit.is_sound(leaving(6.5e-3, 6.1e-3), leaving(21e-3, 6.1e-3))
+    assert not fit.is_sound(leaving(15e-3, 6.1e-3), leaving(21e-3, 6.1e-3))
+    assert not fit.is_sound(leaving(8e-3, 6.1e-3), leaving(6e-3, 6.1e-3)) and fit.is_sound(result, leaving(1.0, 6e-3))
+
+
+def test_dry_friction_is_named_where_damping_is_far_higher_than_believed(concluded):
+    result, known = concluded
+    told = [" ".join(remarks(result, known._replace(damping=known.damping * by))) for by in (0.3, 3.0)]
+    assert ["Dry friction" in text for text in told] == [True, False]
+    assert all("`damping` is" in text for text in told)
+
+
 def test_what_was_given_for_filters_stays(concluded):
     """It was left out, for `fem` had guessed it."""
     given = {**SHORT.set, "process.current_error": 2e-3}

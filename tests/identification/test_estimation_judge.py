@@ -103,6 +103,25 @@ def test_estimator_that_does_not_take_the_sampling_is_left_out_with_a_word():
         run.choose_estimators("mhe", found, fast, GIVEN)
 
 
+def test_record_that_is_too_fast_for_an_estimator_is_read_as_means(fmus):
+    """A window of `Mhe` has at most 2000 samples: a sound record of 5 us was refused."""
+    found, slow = run.estimators(components_folder()), record(VALVE, periods=3)
+    k = np.arange(4 * slow.times.size - 3)
+    volts, current = slow.voltage[-(-k // 4)], np.interp(0.25 * k, np.arange(slow.times.size), slow.current)
+    fast = to_record(Columns("x.csv", k, {"time": 0.25 * DT * k, "voltage": volts, "current": current}), "end")
+    made = run.coarsen(fast, "mhe", found, GIVEN)
+    assert made.dt == pytest.approx(2 * fast.dt) and "means of 2 samples, every 10 us" in made.remarks[-1]
+    assert run.choose_estimators("mhe", found, made, GIVEN) == (["Mhe"], [])
+    assert run.coarsen(fast, "semera", found, GIVEN) is fast and run.coarsen(slow, "mhe", found, GIVEN) is slow
+    of_fast, of_slow = (run_estimator(fmus / "Mhe.fmu", r, GIVEN) for r in (made, slow))
+    assert of_fast.values["option.mean"] is True and "option.mean" not in of_slow.values
+    volts = np.round(slow.voltage / 30.0) * 30.0
+    true = simulate(VALVE, np.stack((volts, volts), axis=1), DT, np.full(volts.size, VALVE.coil_resistance)).position
+    moved = np.interp(slow.times, made.times, of_fast.outputs["position"])
+    errors = [np.sqrt(np.mean((z - true) ** 2)) for z in (moved, of_slow.outputs["position"])]
+    assert errors[0] < errors[1] < 50e-6, errors
+
+
 def test_what_judges_another_estimator_is_none_of_a_record():
     found = run.estimators(components_folder())
     _, left_out = run.choose_estimators(None, found, record(VALVE, periods=1), GIVEN)

@@ -138,6 +138,15 @@ SAME = {
     "a row of units": lambda t, f: f.write_text(
         "gap,current,flux_linkage,force\nmm,A,mWb,N\n" + "\n".join(rows(t)), encoding="utf-8"
     ),
+    "aligned columns of COMSOL": lambda t, f: f.write_text(
+        "% Model:    x.mph\n% gap (mm)   I0 (A)    mf.linkage (mWb)  mf.Forcez (N)\n"
+        + "\n".join(row.replace(",", "   ") for row in rows(t)),
+        encoding="utf-8",
+    ),
+    "units of Maxwell": lambda t, f: f.write_text(
+        '"gap [mm]","I [A]","FluxLinkage [mWb]","Force_x [mNewton]"\n' + "\n".join(row + "e3" for row in rows(t)),
+        encoding="utf-8",
+    ),
     "positive forces": lambda t, f: write(f, {**t, "force": -t["force"]}),
     "opposite currents": lambda t, f: write(f, {**t, "current": -t["current"], "flux_linkage": -t["flux_linkage"]}),
     "inductances": lambda t, f: write(
@@ -173,7 +182,8 @@ def check_same(found, usual):
 def test_ways_in_which_programs_write_the_same_table(tmp_path, usual, name):
     table = {**GRID, "file": tmp_path / "numbers.csv"} if "units" in name or "COMSOL" in name else GRID
     SAME[name](table, tmp_path / "t.csv")
-    check_same(gapsense.fem(tmp_path / "t.csv", turns=TURNS), usual)
+    separator = " " if "aligned" in name else ","
+    check_same(gapsense.fem(tmp_path / "t.csv", turns=TURNS, separator=separator), usual)
 
 
 def test_half_of_a_symmetric_device_with_flux_of_one_turn_and_decimal_commas(tmp_path, usual):
@@ -190,6 +200,18 @@ def test_stroke_that_counts_from_the_open_stop(tmp_path, usual):
 def test_table_without_forces_says_what_that_means(tmp_path):
     found = gapsense.fem(write(tmp_path / "t.csv", without(GRID, "force")), turns=TURNS)
     assert found.passed and "Solve for forces too" in str(found)
+
+
+@pytest.mark.parametrize("currents", [CURRENTS[1:], CURRENTS], ids=["with current", "also without"])
+def test_remanence_is_told_before_it_is_large(tmp_path, currents):
+    """Half a percent of the largest flux linkage was taken for one of the current, without a word."""
+    table = solved(currents=currents)
+    left = table["flux_linkage"] + 5e-3 * table["flux_linkage"].max()
+    told = [
+        str(gapsense.fem(write(tmp_path / "t.csv", {**table, "flux_linkage": lam}), turns=TURNS))
+        for lam in (left, table["flux_linkage"])
+    ]
+    assert ["remains without current" in text for text in told] == [True, False]
 
 
 def test_few_gaps_are_no_reason_to_doubt_the_forces(tmp_path):
@@ -278,6 +300,7 @@ UNREAD = {
         ["line 2: 3 values"],
     ),
     "semicolons": (TEXT.replace(",", ";") + "0.1;1;2;3\n", ['Add `--separator ";"`']),
+    "blanks": ("% gap (mm)  I0 (A)  L (H)\n0.1   1.0   0.2\n", ['Add `--separator " "`', "two blanks between heads"]),
     "several gaps": (
         TEXT.replace("force [N]", "air_gap [mm]") + "0.1,1,2,3\n",
         ["Choose one: `--column position=gap`"],
@@ -303,7 +326,8 @@ def test_turns_are_asked_for(tmp_path):
         gapsense.fem(file)
     found = gapsense.fem(file, assume=True, out=tmp_path / "d.toml")
     assert found.parameters["coil.turns"] == 1200.0
-    assert 'assumed = ["coil.turns", "stop.lower", "stop.upper", "core.eddy"]' in (tmp_path / "d.toml").read_text()
+    marked = 'assumed = ["coil.turns", "stop.lower", "stop.upper", "core.eddy", "core.turnover"]'
+    assert marked in (tmp_path / "d.toml").read_text()
 
 
 def health_of_ekf(file, eddy):
@@ -362,8 +386,10 @@ def test_windows_of_mhe_come_from_a_trial_at_the_supply(tmp_path):
     assert values["model.error"] == pytest.approx(3.4e-3, rel=0.05)
     par = parameters_of("mhe", tmp_path / "m.toml")
     assert par.window_tail == values["window.tail"] and len(par.gap_file_gap) > 50
-    assert 'assumed = ["core.eddy", "process.current_error"]' in (tmp_path / "m.toml").read_text()
+    assert 'assumed = ["core.eddy", "core.turnover", "process.current_error"]' in (tmp_path / "m.toml").read_text()
+    assert values["core.turnover"] == pytest.approx(0.07 * values["core.saturation"], rel=1e-3)
     more, values = tmp_path / "more.toml", '"window.tail" = 9e-3\n"core.eddy" = 3e-3\n"process.current_error" = 0.01\n'
+    values += '"core.turnover" = 9e-3\n'
     more.write_text(known.read_text() + values)
     gapsense.fem(MAGNET, current=1.2, supply=12.0, parameters=more, out=tmp_path / "given.toml")
     kept = read_values([tmp_path / "given.toml"])

@@ -27,10 +27,12 @@ from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.checks import begins_at_rest
 from gapsense.identification.measurements.operations import Flux, operations, starts
 from gapsense.identification.measurements.operations import estimate as integral
+from gapsense.identification.measurements.prepare import average_blocks
 from gapsense.identification.measurements.record import UNITS, Record, Vector
 from gapsense.identification.parameter_set import values_for
 from gapsense.identification.residual import noise_of
 from gapsense.identification.valve.show import BY_NAME
+from gapsense.problems import listing
 from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack, suited
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
@@ -39,6 +41,9 @@ REMEDY = {
     "mode": "Add a column `mode [1]` with 1: closed, 2: moving, 3: open, from contact sensors on the stops",
     "position": "Add a column `position [m]`",
 }
+
+
+MOST_MEANS = 50  # samples of a mean
 
 
 class Estimate(NamedTuple):
@@ -105,8 +110,23 @@ def unfit(component: Component, record: Record, values: Mapping[str, Value]) -> 
 
 
 def given_time(names: Collection[str], given: Mapping[str, Value], record: Record) -> dict[str, Value]:
-    """Values, with the sample time of a record where there is such a parameter."""
-    return {**given, **({"sample_time": record.dt} if "sample_time" in names else {})}
+    """Values, with the sample time of a record, and that its voltages are means, where there are such parameters."""
+    told = {"sample_time": record.dt, **({"option.mean": True} if record.is_mean else {})}
+    return {**given, **{name: value for name, value in told.items() if name in names}}
+
+
+def coarsen(record: Record, wanted: str | None, found: Mapping[str, Component], values: Mapping[str, Value]) -> Record:
+    """Means of as few samples as all estimators that are wanted take; the record itself where none, or no means, do."""
+    asked = [c for name, c in found.items() if name.lower() in _asked(wanted)]
+    for size in range(1, MOST_MEANS):
+        made = average_blocks(record, size) if size > 1 else record
+        if not any(unfit(c, made, values) for c in asked):
+            said = (
+                f"means of {size} samples, every {1e6 * made.dt:.4g} us, are taken: {listing([c.name for c in asked])}"
+                " cannot hold an operation of more samples."
+            )
+            return made._replace(remarks=(*made.remarks, said)) if size > 1 else record
+    return record
 
 
 def estimators(folder: Path) -> dict[str, Component]:
@@ -114,6 +134,11 @@ def estimators(folder: Path) -> dict[str, Component]:
     found = [c for c in map(load_component, find_components(folder)) if c.kernel.startswith("gapsense.estimators.")]
     needs = {c.name: {p.name for p in c.of("input") if not p.is_optional} for c in found}
     return {c.name: c for c in found if needs[c.name] <= {"voltage", "current", *REMEDY}}
+
+
+def _asked(wanted: str | None) -> list[str]:
+    """Names of estimators, as they are compared."""
+    return [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else []
 
 
 def choose_estimators(
@@ -125,7 +150,7 @@ def choose_estimators(
     wanted cannot.
     """
     plain = {name.lower(): name for name in found}
-    asked = [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else list(plain)
+    asked = _asked(wanted) or list(plain)
     if unknown := [word for word in asked if word not in plain]:
         raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(found)}.")
     reasons = {}

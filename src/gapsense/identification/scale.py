@@ -7,7 +7,7 @@ The defaults are those of a valve of 0.4 A that moves within 2 ms, and stay as t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from gapsense.estimators.mhe.window import GUESS
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.measurements.signals import edges, true_runs
 from gapsense.identification.residual import FLOOR, Residual
+from gapsense.identification.valve.form import TURNOVER
 from gapsense.identification.valve.model import JUMP, Trajectory
 
 LARGEST = 5e-3  # of the largest current: a model's error that is no more than believed
@@ -26,7 +27,7 @@ MOST = 1998  # samples of a window; `Mhe` has 2000
 FINEST = 0.075  # of `window.tail`, that a sample may last
 DIGITS = 4
 SOLID, UNTOLD = 5e3, 2e3  # S; eddy currents, for one turn, of a solid core and of one of which nobody has told
-GUESSED = ("core.eddy", "process.current_error")  # what goes with them
+GUESSED = ("core.eddy", "core.turnover", "process.current_error")  # what goes with them
 DRIFT = 8e-3  # of the voltage: what is wrong of its integral
 MEMORY = 0.66e-3  # s; with which they forget an error of the current
 
@@ -50,9 +51,10 @@ def scaled(
     return {name: x for name, x in rounded.items() if x != getattr(known, name.replace(".", "_"))}
 
 
-def untold_losses(turns: float) -> dict[str, float]:
-    """Eddy currents of `Mhe` that are but a guess."""
-    return {"core.eddy": float(f"{UNTOLD / turns**2:.{DIGITS}g}"), "prior.eddy": GUESS}
+def untold_losses(turns: float, saturation: float, told: Collection[str] = ()) -> dict[str, float]:
+    """Losses of `Mhe` that are but a guess; eddy currents that somebody told are none."""
+    eddy = {} if "core.eddy" in told else {"core.eddy": UNTOLD / turns**2, "prior.eddy": GUESS}
+    return {name: float(f"{x:.{DIGITS}g}") for name, x in {**eddy, "core.turnover": TURNOVER * saturation}.items()}
 
 
 def process_noise(volts: float, turns: float, error: float) -> dict[str, float]:

@@ -234,6 +234,7 @@ STARTS = ({"core_eddy": 2.0, "core_reluctance": -1.5}, {"core_eddy": -2.0})  # m
 USUAL_ERROR = 1e-3  # of the model, at least [A]
 SHARES = (0.25, 0.5, 1.0)  # of each record that is used, one after the other
 PIECES, ROUGH = np.linspace(0.01, 1.0, 100).tolist(), 1e-3  # the same, of many minima, and the fall with which they end
+FAR_LESS = 0.5  # part of a residual
 AS_BEFORE, LOST = 1.05, 25.0  # squares that a sample of a piece leaves, over those of the last one; and at most
 
 
@@ -300,7 +301,7 @@ def commission(
     if leaves_more(found) and not any(d.is_too_fast for d in drives):
         for form in FORMS:
             richer = search(with_more(every, form), progress, in_pieces=True)
-            found = richer if richer.is_explained and is_better(richer, found) else found
+            found = richer if is_sound(richer, found) and is_better(richer, found) else found
     return found
 
 
@@ -315,6 +316,12 @@ def leaves_more(found: Commissioned) -> bool:
     error, sizes = float(found.parameters.model_error), [CLEAR / math.sqrt(d.current.size) for d in found.drives]
     alike = [r.correlation * r.rms**2 > error**2 + size * r.rms**2 for r, size in zip(found.residuals, sizes)]
     return any(alike) or not found.is_explained
+
+
+def is_sound(richer: Commissioned, found: Commissioned) -> bool:
+    """Whether it explains the records, or leaves far less than one that does not either."""
+    left = [max(r.rms for r in each.residuals) for each in (richer, found)]
+    return richer.is_explained or (not found.is_explained and left[0] < FAR_LESS * left[1])
 
 
 def is_better(richer: Commissioned, found: Commissioned) -> bool:
@@ -406,6 +413,9 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     J, (r,) = p.jacobian(x), p.residuals([x])
     n, places, found = len(p.names), p.places(x), parameters_at(p, x)
     misfit = float(r @ r - r[-x.size :][:n] @ r[-x.size :][:n]) / usual(p)
+    pulls = (
+        float(np.mean((x[:n] / p.deviations[:n]) ** 2)) if n else 0.0
+    )  # what was believed disagrees with the records
     covariance: Matrix = max(1.0, misfit) * np.linalg.inv(J.T @ J).astype(np.float64)[:n, :n]
     covariance[0, 0] += doubt(p) ** 2  # the resistance is the first
     models = [simulate(found.known, *of_record, found.beyond) for of_record in zip(p.drives, places, p.offsets(x))]
@@ -423,7 +433,7 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
         parameters=found.known,
         beyond=found.beyond,
         names=p.names,
-        covariance=covariance + law_moves @ law_moves.T,
+        covariance=max(1.0, pulls) * (covariance + law_moves @ law_moves.T),
         law_moves=law_moves,
         misfit=misfit,
         drives=p.drives,

@@ -182,6 +182,7 @@ def doubts(names: Sequence[str]) -> dict[str, float]:
 
 BELIEVED = 0.7  # of the deviation that was assumed: the record has told little
 FAR = 3.0  # of the same deviations from what was believed
+FRICTION = " Dry friction, which no estimator models, looks like that."
 HEADS = ("parameter", "believed", "found", "standard error", "")
 
 
@@ -262,7 +263,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         if abs(math.log(factor)) > FAR * result.believed[name]:
             said.append(
                 f"`{PORTS[name].name}` is {factor:.2g} times what was believed, much further off than it should be:"
-                " check the given values and the voltage."
+                f" check the given values and the voltage.{FRICTION * (name == 'damping' and factor > 1.0)}"
             )
     return said
 

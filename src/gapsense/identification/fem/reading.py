@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,8 +30,11 @@ SAME = 1e-6  # of a range: points that are one
 ALIKE = 1e-3  # relative difference of what was solved twice at one point
 NOISE = 4.0  # deviations of what neighbours leave, up to which a fall is noise
 SEEN = 2e-3  # of the largest value, the same
+FIRST = 6  # points at a gap, which tell where the flux linkage begins
 LEFT = 0.02  # of the largest flux linkage, that may be there without current
+BLANK = " "  # columns that are aligned: any number of blanks, two at least between heads, which may have one inside
 ALIASES = {"Vs": "Wb", "V.s": "Wb", "V*s": "Wb", "weber": "Wb", "newton": "N", "meter": "m", "henry": "H"}
+ALIASES |= {name.capitalize(): unit for name, unit in ALIASES.items() if name.islower()}
 
 
 class Kind(NamedTuple):
@@ -103,7 +106,7 @@ def read_solved(path: Path, how: Reading, given: Given) -> Solved:
     found = to_solved(sheet, columns, given)
     if problems := [*unusual(found), *fields_of_rest(found)]:
         raise InputError(problems)
-    found = without_repeated(found, problems)
+    found = without_repeated(found._replace(remarks=(*found.remarks, *remaining(found))), problems)
     problems += [*too_few(found), *falling(found), *rising(found), *pushing(found)]
     if problems:
         raise InputError(problems)
@@ -115,15 +118,21 @@ def read_solved(path: Path, how: Reading, given: Given) -> Solved:
 def read_heads(path: Path, how: Reading, problems: list[str]) -> Sheet:
     """Cells of a file from the heads of its columns on, which are in the last line of texts above the numbers."""
     lines: list[Line] = []
+    text = ""
     try:
-        reader = csv.reader(io.StringIO(read_bytes(path).decode("utf-8-sig"), newline=""), delimiter=how.separator)
-        lines = [Line(reader.line_num, [*map(str.strip, row)]) for row in reader if any(map(str.strip, row))]
+        text = read_bytes(path).decode("utf-8-sig")
+        lines = [*split_lines(text, how)]
     except (UnicodeDecodeError, csv.Error) as error:
         problems.append(f"{path.name}: not a CSV file in UTF-8 ({unread(error)}). Save it as one.")
     if other := other_separator(lines, how.separator):
         problems.append(f"{path.name}, line 1: {other}")
-    first = next((k for k, line in enumerate(lines) if sum(is_number(c, how.decimal) for c in line.cells) > 1), 0)
-    if not first and not problems:
+    first = first_row(lines, how.decimal)
+    if not first and not problems and first_row([*split_lines(text, how._replace(separator=BLANK))], how.decimal):
+        problems.append(
+            f'{path.name}: the cells are separated by blanks; commas are expected. Add `--separator " "`, with'
+            " at least two blanks between heads."
+        )
+    elif not first and not problems:
         problems.append(
             f"{path.name}: no heads above rows of numbers found. Write heads as in {EXAMPLE}, and numbers below."
         )
@@ -143,6 +152,26 @@ def read_heads(path: Path, how: Reading, problems: list[str]) -> Sheet:
     problems += twice(Path(path.name), names)
     decimal = [[c.replace(how.decimal, ".") for c in line.cells] for line in rows]
     return Sheet(path=Path(path.name), names=names, units=units, lines=[line.number for line in rows], rows=decimal)
+
+
+def split_lines(text: str, how: Reading) -> Iterator[Line]:
+    """Cells of the lines that have any."""
+    if how.separator == BLANK:
+        for number, line in enumerate(map(str.strip, text.splitlines()), 1):
+            apart = re.split(r"\s{2,}|\t", line.lstrip("%# "))
+            if line:
+                is_plain = len(apart) < 2 or all(is_number(c, how.decimal) for c in line.split())
+                yield Line(number, line.split() if is_plain else apart)
+        return
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=how.separator)
+    for row in reader:
+        if any(map(str.strip, row)):
+            yield Line(reader.line_num, [*map(str.strip, row)])
+
+
+def first_row(lines: Sequence[Line], decimal: str) -> int:
+    """Place of the first line with numbers; 0 if there is none below another one."""
+    return next((k for k, line in enumerate(lines) if sum(is_number(c, decimal) for c in line.cells) > 1), 0)
 
 
 EXAMPLE = ", ".join(f"`{KINDS[name].example}`" for name in ("position", "current", "flux_linkage", "force"))
@@ -259,6 +288,22 @@ def fields_of_rest(found: Solved) -> list[str]:
             " of the column, or correct these lines."
         )
     return told
+
+
+def remaining(found: Solved) -> list[str]:
+    """A flux linkage that remains without current: of points there, or of the straight part at the largest gap."""
+    flux, rests = found.flux_linkage, found.current < SAME * found.current.max()
+    left, least = float(np.abs(flux[rests]).max(initial=0.0)), SEEN * float(flux.max())
+    line = np.flatnonzero(found.gap > (1.0 - SAME) * found.gap[-1])[:FIRST]
+    if not rests.any() and line.size == FIRST:
+        fit, covariance = np.polyfit(found.current[line], flux[line], 2, w=1.0 / flux[line], cov=True)
+        left, least = float(fit[2]), max(least, NOISE * float(covariance[2, 2]) ** 0.5)
+    if left <= least:
+        return []
+    return [
+        f"{found.file}: a flux linkage of about {quantity(left, 'Wb')} remains without current, and is taken for one of"
+        " the current: remanence is not modelled here. Solve without it."
+    ]
 
 
 def more(places: npt.NDArray[np.int_]) -> str:

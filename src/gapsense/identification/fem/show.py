@@ -273,7 +273,7 @@ def windows(m: Models, given: Mapping[str, Value], volts: float | None) -> tuple
     if volts is None or missing:
         return {}, [f"No windows for `Mhe`: {listing(missing)} missing. Give them, in `--parameters`."]
     names = parameter_names([own("mhe")])
-    known = {**untold_losses(m.reduced.turns), **given, **values(m)}
+    known = {**untold_losses(m.reduced.turns, m.reduced.saturation), **given, **values(m)}
     known = {name: value for name, value in known.items() if name in names}
     par: Parameters = kernel_parameters(own("mhe"), {**known, "gap.file": str(table_file(law_rows(m)))})
     at, dt = quantity(volts, "V"), float(par.sample_time)
