@@ -439,9 +439,12 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
 
 
 def is_uncertain(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
-    """Whether the position is by what is learnt, or by how much windows change that; edges anywhere do, too."""
+    """Whether the position is by what is learnt, or by how much windows change that; edges anywhere do, too.
+
+    With `option.further` the first windows, and landings as soft as one likes, leave it uncertain on healthy devices.
+    """
     is_placed = square(par.sample_time) * watch.spread < square(PLACED_WELL * par.window_tail)
-    is_told = is_placed & not_(_is_pulsed(watch))
+    is_told = is_placed & not_(_is_pulsed(watch) | is_set(par.option_further))
     most = UNCERTAIN_SHARE * (par.stop_upper - par.stop_lower)
     is_far = (learnt.lower_std > most) | (learnt.upper_std > most)
     return is_told & (is_far | is_wandering(learnt))
