@@ -32,7 +32,7 @@ from gapsense.estimators.mhe.model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, is_untypical, wait, work_on
+from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, is_untypical, is_wandering, wait, work_on
 from gapsense.estimators.mhe.window import (
     DOUBTFUL,
     LARGE,
@@ -63,6 +63,7 @@ from gapsense.estimators.readings import (
     OTHER,
     RESTARTED,
     STILL,
+    UNCERTAIN,
     UNLEARNT,
     UNTOLD,
     VOLTAGE,
@@ -106,6 +107,8 @@ LEARNT = 0.25  # error of the current that what was learnt from such noise makes
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
 LITTLE, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
+UNCERTAIN_SHARE = 0.075  # of the stroke: deviation of a position that is uncertain
+PLACED_WELL = 0.0055  # of `window.tail`: deviation of edges that hardly change what is learnt
 FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
 
 
@@ -430,8 +433,21 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
             OTHER: is_untypical(work.fit.q_prior, par),
             UNTOLD: is_untold(watch, told),
             UNLEARNT: is_unlearnt(watch, par),
+            UNCERTAIN: is_uncertain(watch, work.learnt, par),
         }
     )
+
+
+def is_uncertain(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
+    """Whether the position is by what is learnt, or by how much windows change that; edges anywhere do, too.
+
+    With `option.further` the first windows, and landings as soft as one likes, leave it uncertain on healthy devices.
+    """
+    is_placed = square(par.sample_time) * watch.spread < square(PLACED_WELL * par.window_tail)
+    is_told = is_placed & not_(_is_pulsed(watch) | is_set(par.option_further))
+    most = UNCERTAIN_SHARE * (par.stop_upper - par.stop_lower)
+    is_far = (learnt.lower_std > most) | (learnt.upper_std > most)
+    return is_told & (is_far | is_wandering(learnt))
 
 
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:

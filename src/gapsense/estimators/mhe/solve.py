@@ -68,7 +68,7 @@ from gapsense.estimators.mhe.window import (
 )
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.linalg import deviation, diagonal, outer, swept, vector
+from gapsense.kernels.linalg import deviation, diagonal, outer, swept, total, vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, load, not_, sqrt, square, store, when, where
 
 LOGARITHMS = 9  # the first corrections are logarithms
@@ -96,6 +96,9 @@ PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 PROOF = 2.0  # windows, a closing and an opening, that must be explained after a new beginning: the first may be a fault
 LONGER = 2.0  # times the usual backlog, where a window is made longer after a new beginning
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
+# changes of the corrections over the expected ones that are usual, a surplus that is not, how much more of it is usual
+# early, and the largest that is remembered
+USUAL_CHANGE, SURPLUS, EARLY, MOST_SURPLUS = 2.0, 5.0, 2.0, 15.0
 JUMP = 0.03  # of R: a held voltage says better where to start
 
 Starts = tuple[dict[int, float], ...]
@@ -178,6 +181,12 @@ def is_untypical(corrections: Array, par: Parameters) -> Scalar:
     for q, s in zip(get(corrections, START), priors(par)):
         is_far = (fabs(q) > FAR * s) | is_far
     return is_far
+
+
+def is_wandering(learnt: Learnt) -> Scalar:
+    """Whether windows one after another change the corrections more than noise and what is known allow."""
+    later = learnt.explained - PROVEN
+    return (later > 0.0) & (learnt.surplus * later > SURPLUS * (later + EARLY))
 
 
 # a sample
@@ -636,10 +645,12 @@ def _tell(work: Work, misfit: Scalar, time: Scalar, par: Parameters) -> Learnt:
 def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     """The posterior, wider by misfit and drift (8), is to become the next prior."""
     fit, old = work.fit, work.learnt
-    P = _widening(misfit, old, par) * (1.0 + damping(work, fit.shortenings, par)) * -get_matrix(fit.normal)
+    posterior = -get_matrix(fit.normal)
+    P = _widening(misfit, old, par) * (1.0 + damping(work, fit.shortenings, par)) * posterior
     deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
-    d = get(fit.q, N) - get(fit.q_prior, N)
-    change = (d @ (get_matrix(fit.prior) @ d) - EXPECTED) / SURPRISING
+    d, Pi = get(fit.q, N) - get(fit.q_prior, N), get_matrix(fit.prior)
+    changed = d @ (Pi @ d)
+    change = (changed - EXPECTED) / SURPRISING
     share = where(is_set(par.option_further), square(clip(change, 0.0, 1.0)), 0.0)
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
         most = variance + share * square(s) if k in SUDDEN else variance
@@ -647,6 +658,12 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
     moved = flag(has_moved(work.walk))
+    lands, is_low, reach = has_landed(work.walk), work.walk.at[2] <= par.stop_lower, get(fit.reach, N)
+    std = deviation(reach @ (P @ reach))
+    expected = float(N) - total(posterior[k] @ Pi[k] for k in range(N))  # of what the window changes
+    most = where(old.explained < PROVEN, SURPLUS, MOST_SURPLUS)  # the first windows may change much
+    more = changed - USUAL_CHANGE * expected  # one window alone does not tell
+    surplus = clip(old.surplus + where(more < SURPLUS, more, SURPLUS), 0.0, most)
     return work._replace(
         phase=Phase.renewing,
         fit=fit._replace(q=store(fit.q, START, 0.0), normal=put_matrix(fit.normal, P), pivots_done=0.0),
@@ -655,6 +672,9 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
             explained=old.explained + moved,
             doubt=where(moved > 0.0, _doubt(misfit, old), old.doubt),
             deviations=deviations,
+            lower_std=where(lands & is_low, std, old.lower_std),
+            upper_std=where(lands & not_(is_low), std, old.upper_std),
+            surplus=where(moved > 0.0, surplus, old.surplus),
         ),
     )
 
