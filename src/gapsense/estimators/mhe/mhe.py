@@ -32,7 +32,16 @@ from gapsense.estimators.mhe.model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, is_untypical, is_wandering, wait, work_on
+from gapsense.estimators.mhe.solve import (
+    LOGARITHMS,
+    USUAL_EFFORT,
+    is_lost,
+    is_untypical,
+    is_wandering,
+    suspect,
+    wait,
+    work_on,
+)
 from gapsense.estimators.mhe.window import (
     DOUBTFUL,
     LARGE,
@@ -107,9 +116,9 @@ LEARNT = 0.25  # error of the current that what was learnt from such noise makes
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
 LITTLE, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
-UNCERTAIN_SHARE = 0.075  # of the stroke: deviation of a position that is uncertain
-PLACED_WELL = 0.0055  # of `window.tail`: deviation of edges that hardly change what is learnt
 FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
+SETTLED_SHARE = 0.52  # of the variance of a mean innovation that noise makes, where a device has settled
+PLACED_WELL = 0.0055  # of `window.tail`: deviation of edges that hardly change what is learnt
 
 
 class Held(NamedTuple):
@@ -289,6 +298,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     # what the innovation says: is the operation strange, is the current to be fed back (10)
     seen = _see(state, inputs, now, before, innovation)
     watch = watch_operation(watch, seen, at, work.learnt, m, par)
+    work = work._replace(learnt=when(is_set(watch.is_unlikely), suspect, work.learnt))
     lasts = where(news.is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
     follow = state.follow._replace(covariance=covariance, lasts=lasts)
     coil = partial(_coil, held, now.is_edge, watch, work.learnt, m, par)
@@ -439,15 +449,8 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
 
 
 def is_uncertain(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
-    """Whether the position is by what is learnt, or by how much windows change that; edges anywhere do, too.
-
-    With `option.further` the first windows, and landings as soft as one likes, leave it uncertain on healthy devices.
-    """
-    is_placed = square(par.sample_time) * watch.spread < square(PLACED_WELL * par.window_tail)
-    is_told = is_placed & not_(_is_pulsed(watch) | is_set(par.option_further))
-    most = UNCERTAIN_SHARE * (par.stop_upper - par.stop_lower)
-    is_far = (learnt.lower_std > most) | (learnt.upper_std > most)
-    return is_told & (is_far | is_wandering(learnt))
+    """Whether a device that was learnt seems to be another one now, by this operation or by windows of late."""
+    return is_well_learnt(watch, learnt, par) & (is_set(watch.is_unlikely) | is_wandering(learnt))
 
 
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
@@ -707,6 +710,7 @@ class Watch(NamedTuple):
     is_large: Scalar = 0.0  # flag: it is too large now
     is_strange: Scalar = 0.0  # flag: it was too large in this operation, which begins with an edge of the voltage
     is_odd: Scalar = 0.0  # flag: it was too large in this operation to be fine
+    is_unlikely: Scalar = 0.0  # flag: it was larger in this operation than on a device that has settled
     is_moving: Scalar = 0.0  # flag: there was a motion in this operation
     is_proven: Scalar = 0.0  # flag: enough were explained when this operation began for it to be right without a sign
     suspicion: Scalar = 0.0  # operations that must be fine until one that was strange is forgotten
@@ -820,6 +824,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
     is_easy = (learnt.explained >= PRACTISED) & (fabs(now.flux_linkage) < LITTLE * m.d.saturation)
     is_large = is_known & is_too_large(surprise, learnt, par, is_easy)
+    is_more = is_well_learnt(new, learnt, par) & is_too_large(surprise, learnt, par, of_noise=SETTLED_SHARE)
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return new._replace(
         edge=edge,
@@ -828,6 +833,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
         is_large=flag(is_large),
         is_strange=where(is_large | is_lost | seen.is_fed_back, 1.0, new.is_strange),
         is_odd=where(is_too_large(surprise / FINE, learnt, par), 1.0, new.is_odd),
+        is_unlikely=where(is_more, 1.0, new.is_unlikely),
         is_moving=where(between, 1.0, new.is_moving),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
@@ -835,10 +841,12 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     )
 
 
-def is_too_large(mean: Scalar, learnt: Learnt, par: Parameters, is_easy: Scalar = False) -> Scalar:
+def is_too_large(
+    mean: Scalar, learnt: Learnt, par: Parameters, is_easy: Scalar = False, of_noise: float = 1.0
+) -> Scalar:
     """Whether the mean of some innovations is more than a healthy device has; `is_easy`: the model has less error."""
     error = where(is_easy, EASY, 1.0) * par.model_error
-    usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(error))
+    usual = sqrt(of_noise * square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(error))
     most, known = where(is_set(par.option_further), STRANGE_SOFT, STRANGE), _known(par)
     young = YOUNG / square(where(learnt.explained >= known, learnt.explained, known))
     return fabs(mean) > (1.0 + young) * most * usual
@@ -861,6 +869,7 @@ def _begin(before: Watch, is_known: Scalar, learnt: Learnt) -> Watch:
         is_proven=flag(learnt.explained >= where(learnt.doubt > DOUBTED, DOUBTFUL, PROVEN)),
         is_strange=where(is_over, 0.0, before.is_strange),
         is_odd=where(is_over, 0.0, before.is_odd),
+        is_unlikely=where(is_over, 0.0, before.is_unlikely),
         is_moving=where(is_over, 0.0, before.is_moving),
         suspicion=where(is_over, where(was_strange, needed, less), before.suspicion),
     )
@@ -876,6 +885,15 @@ def _place_edge(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Po
     left = variance / (1.0 + informs * slope * variance)
     place = place + left * informs * (seen.innovation - slope * place)
     return Edge(clip(place, -0.5, 0.5), left, faded)
+
+
+def is_well_learnt(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
+    """Whether a device is learnt so well that less tells a fault; not where edges are anywhere, which changes it, too.
+
+    With `option.further` landings as soft as one likes leave much unlearnt.
+    """
+    is_placed = square(par.sample_time) * watch.spread < square(PLACED_WELL * par.window_tail)
+    return is_set(learnt.is_settled) & is_placed & not_(_is_pulsed(watch) | is_set(par.option_further))
 
 
 def is_strange(watch: Watch) -> Scalar:

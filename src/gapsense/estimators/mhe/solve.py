@@ -96,9 +96,9 @@ PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 PROOF = 2.0  # windows, a closing and an opening, that must be explained after a new beginning: the first may be a fault
 LONGER = 2.0  # times the usual backlog, where a window is made longer after a new beginning
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
-# changes of the corrections over the expected ones that are usual, a surplus that is not, how much more of it is usual
-# early, and the largest that is remembered
-USUAL_CHANGE, SURPLUS, EARLY, MOST_SURPLUS = 2.0, 5.0, 2.0, 15.0
+# changes of the corrections over the expected ones that are usual; their surplus: of one window at most, what is not
+# usual, and the largest that is remembered; windows until a device can have settled
+USUAL_CHANGE, ONE_SURPLUS, SURPLUS, MOST_SURPLUS, SETTLES = 1.7, 5.0, 8.0, 15.0, 10.0
 JUMP = 0.03  # of R: a held voltage says better where to start
 
 Starts = tuple[dict[int, float], ...]
@@ -185,8 +185,12 @@ def is_untypical(corrections: Array, par: Parameters) -> Scalar:
 
 def is_wandering(learnt: Learnt) -> Scalar:
     """Whether windows one after another change the corrections more than noise and what is known allow."""
-    later = learnt.explained - PROVEN
-    return (later > 0.0) & (learnt.surplus * later > SURPLUS * (later + EARLY))
+    return learnt.surplus > SURPLUS
+
+
+def suspect(learnt: Learnt) -> Learnt:
+    """One window more that changes them so is enough."""
+    return learnt._replace(surplus=where(learnt.surplus < SURPLUS, SURPLUS, learnt.surplus))
 
 
 # a sample
@@ -658,12 +662,10 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
     moved = flag(has_moved(work.walk))
-    lands, is_low, reach = has_landed(work.walk), work.walk.at[2] <= par.stop_lower, get(fit.reach, N)
-    std = deviation(reach @ (P @ reach))
-    expected = float(N) - total(posterior[k] @ Pi[k] for k in range(N))  # of what the window changes
-    most = where(old.explained < PROVEN, SURPLUS, MOST_SURPLUS)  # the first windows may change much
-    more = changed - USUAL_CHANGE * expected  # one window alone does not tell
-    surplus = clip(old.surplus + where(more < SURPLUS, more, SURPLUS), 0.0, most)
+    expected = float(N) - total(posterior[k] @ Pi[k] for k in range(N))  # of what the window changes (12)
+    more = changed - USUAL_CHANGE * expected
+    surplus = clip(old.surplus + where(more < ONE_SURPLUS, more, ONE_SURPLUS), 0.0, MOST_SURPLUS)
+    settles = (moved > 0.0) & (old.explained >= SETTLES - 1.0) & (surplus <= 0.0)
     return work._replace(
         phase=Phase.renewing,
         fit=fit._replace(q=store(fit.q, START, 0.0), normal=put_matrix(fit.normal, P), pivots_done=0.0),
@@ -672,9 +674,8 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
             explained=old.explained + moved,
             doubt=where(moved > 0.0, _doubt(misfit, old), old.doubt),
             deviations=deviations,
-            lower_std=where(lands & is_low, std, old.lower_std),
-            upper_std=where(lands & not_(is_low), std, old.upper_std),
             surplus=where(moved > 0.0, surplus, old.surplus),
+            is_settled=where(settles, 1.0, old.is_settled),
         ),
     )
 

@@ -129,7 +129,6 @@ class Fit(NamedTuple):
     gradient: Annotated[Array, Memory(12)]  # g
     whole: Annotated[Array, Memory(78)]  # H + Pi
     prior: Annotated[Array, Memory(78)]  # Pi
-    reach: Annotated[Array, Memory(12)]  # derivatives of the position where it landed
     summed: Scalar = 0.0  # sum w^2 up to the last derivatives
     pivots_done: Scalar = 0.0
     lands: Scalar = 0.0  # flag: the mover has landed in the last pass with derivatives
@@ -163,9 +162,8 @@ class Learnt(NamedTuple):
     rejected: Scalar = 0.0  # windows in a row that nothing explained; below 0: so many must be after a new beginning
     explained: Scalar = 0.0  # windows with a motion that were
     doubt: Scalar = UNSEEN  # whether the eddy currents of (1) are other ones, from 0 to 1
-    lower_std: Scalar = 0.0  # deviation of the position where it lands on the lower stop [m]
-    upper_std: Scalar = 0.0  # and on the upper one
-    surplus: Scalar = 0.0  # by which windows changed the corrections more than they should have, summed up
+    surplus: Scalar = 0.0  # by which windows of late changed the corrections more than they should have
+    is_settled: Scalar = 0.0  # flag: there was none once enough were explained
 
 
 class Work(NamedTuple):
@@ -204,7 +202,6 @@ def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
             gradient=zeros(N),
             whole=zeros(n),
             prior=zeros(n),
-            reach=zeros(N),
         ),
         learnt=Learnt(takeoff_time=time, landing_time=time, deviations=zeros(START)),
         good=zeros(N),
@@ -456,7 +453,6 @@ def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
     """Derivatives J of the current at the sample that the pass has come to; H and g of (5) with them."""
     walk, fit = work.walk, work.fit
     weight, is_still, bounces = walk.counted - fit.summed, walk.still > 0.0, is_set(walk.is_loose)
-    fit = when((walk.still == 1.0) & (walk.landings == 1.0), lambda fit: _note_reach(fit, walk, m), fit)
 
     def add(which: tuple[int, ...]) -> tuple[Array, Array, Array]:
         tangents, gradient = fit.tangents, fit.gradient
@@ -473,12 +469,6 @@ def _add_sums(work: Work, m: Model, par: Parameters) -> Work:
         walk=walk._replace(pending=0.0, residuals=0.0),
         fit=fit._replace(summed=walk.counted, tangents=tangents, normal=normal, gradient=gradient),
     )
-
-
-def _note_reach(fit: Fit, walk: Walk, m: Model) -> Fit:
-    """The derivatives of the position as the mover lands, before the stop takes them away."""
-    T, dt = [[load(fit.tangents, 4 * k + n) for n in (2, 3)] for k in range(N)], m.T_s * walk.pending
-    return fit._replace(reach=put(fit.reach, [z + dt * v for z, v in T]))
 
 
 # what a voltage or a pass is
