@@ -298,7 +298,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     # what the innovation says: is the operation strange, is the current to be fed back (10)
     seen = _see(state, inputs, now, before, innovation)
     watch = watch_operation(watch, seen, at, work.learnt, m, par)
-    work = work._replace(learnt=when(is_set(watch.is_unlikely), suspect, work.learnt))
+    is_unlikely = is_too_large(watch.surprise, work.learnt, par, of_noise=SETTLED_SHARE)
+    is_suspect = is_unlikely & is_well_learnt(watch, work.learnt, par)
+    work = work._replace(learnt=when(is_suspect, suspect, work.learnt))
     lasts = where(news.is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
     follow = state.follow._replace(covariance=covariance, lasts=lasts)
     coil = partial(_coil, held, now.is_edge, watch, work.learnt, m, par)
@@ -443,14 +445,9 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
             OTHER: is_untypical(work.fit.q_prior, par),
             UNTOLD: is_untold(watch, told),
             UNLEARNT: is_unlearnt(watch, par),
-            UNCERTAIN: is_uncertain(watch, work.learnt, par),
+            UNCERTAIN: is_wandering(work.learnt) & is_well_learnt(watch, work.learnt, par),
         }
     )
-
-
-def is_uncertain(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
-    """Whether a device that was learnt seems to be another one now, by this operation or by windows of late."""
-    return is_well_learnt(watch, learnt, par) & (is_set(watch.is_unlikely) | is_wandering(learnt))
 
 
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
@@ -710,7 +707,6 @@ class Watch(NamedTuple):
     is_large: Scalar = 0.0  # flag: it is too large now
     is_strange: Scalar = 0.0  # flag: it was too large in this operation, which begins with an edge of the voltage
     is_odd: Scalar = 0.0  # flag: it was too large in this operation to be fine
-    is_unlikely: Scalar = 0.0  # flag: it was larger in this operation than on a device that has settled
     is_moving: Scalar = 0.0  # flag: there was a motion in this operation
     is_proven: Scalar = 0.0  # flag: enough were explained when this operation began for it to be right without a sign
     suspicion: Scalar = 0.0  # operations that must be fine until one that was strange is forgotten
@@ -824,7 +820,6 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
     is_easy = (learnt.explained >= PRACTISED) & (fabs(now.flux_linkage) < LITTLE * m.d.saturation)
     is_large = is_known & is_too_large(surprise, learnt, par, is_easy)
-    is_more = is_well_learnt(new, learnt, par) & is_too_large(surprise, learnt, par, of_noise=SETTLED_SHARE)
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return new._replace(
         edge=edge,
@@ -833,7 +828,6 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
         is_large=flag(is_large),
         is_strange=where(is_large | is_lost | seen.is_fed_back, 1.0, new.is_strange),
         is_odd=where(is_too_large(surprise / FINE, learnt, par), 1.0, new.is_odd),
-        is_unlikely=where(is_more, 1.0, new.is_unlikely),
         is_moving=where(between, 1.0, new.is_moving),
         was_commanded=where(is_other, 1.0, before.was_commanded),
         has_moved=where(between, 1.0, where(is_other, 0.0, before.has_moved)),
@@ -869,7 +863,6 @@ def _begin(before: Watch, is_known: Scalar, learnt: Learnt) -> Watch:
         is_proven=flag(learnt.explained >= where(learnt.doubt > DOUBTED, DOUBTFUL, PROVEN)),
         is_strange=where(is_over, 0.0, before.is_strange),
         is_odd=where(is_over, 0.0, before.is_odd),
-        is_unlikely=where(is_over, 0.0, before.is_unlikely),
         is_moving=where(is_over, 0.0, before.is_moving),
         suspicion=where(is_over, where(was_strange, needed, less), before.suspicion),
     )

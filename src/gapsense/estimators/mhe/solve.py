@@ -98,7 +98,7 @@ LONGER = 2.0  # times the usual backlog, where a window is made longer after a n
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
 # changes of the corrections over the expected ones that are usual; their surplus: of one window at most, what is not
 # usual, and the largest that is remembered; windows until a device can have settled
-USUAL_CHANGE, ONE_SURPLUS, SURPLUS, MOST_SURPLUS, SETTLES = 1.7, 5.0, 8.0, 15.0, 10.0
+USUAL_CHANGE, ONE_SURPLUS, SURPLUS, MOST_SURPLUS, SETTLES = 1.7, 5.0, 8.0, 15.0, 16.0
 JUMP = 0.03  # of R: a held voltage says better where to start
 
 Starts = tuple[dict[int, float], ...]
@@ -189,8 +189,8 @@ def is_wandering(learnt: Learnt) -> Scalar:
 
 
 def suspect(learnt: Learnt) -> Learnt:
-    """One window more that changes them so is enough."""
-    return learnt._replace(surplus=where(learnt.surplus < SURPLUS, SURPLUS, learnt.surplus))
+    """An innovation that is unlikely is as much as one such window."""
+    return learnt._replace(surplus=where(learnt.surplus < ONE_SURPLUS, ONE_SURPLUS, learnt.surplus))
 
 
 # a sample
