@@ -152,7 +152,7 @@ class BoundedUkf(Runnable):
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
     health_causes : float, 0 to 4095
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: position uncertain by what was learnt.
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -506,7 +506,7 @@ class Ekf(Runnable):
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
     health_causes : float, 0 to 4095
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: position uncertain by what was learnt.
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -757,7 +757,7 @@ class Ertss(Runnable):
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
     health_causes : float, 0 to 4095
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: position uncertain by what was learnt.
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     smoothed_published : float, 0 to 1
         1: smoothed values of the sample at smoothed_time; 0: those of the filter, now.
     smoothed_time : float [s]
@@ -982,7 +982,7 @@ class HybridEkf(Runnable):
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
     health_causes : float, 0 to 4095
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: position uncertain by what was learnt.
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -1113,7 +1113,7 @@ class IntegralEstimator(Runnable):
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
     health_causes : float, 0 to 4095
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: position uncertain by what was learnt.
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -1378,7 +1378,7 @@ class Mhe(Runnable):
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
     health_causes : float, 0 to 4095
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: position uncertain by what was learnt.
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     smoothed_published : float, 0 to 1
         1: smoothed values of the sample at smoothed_time; 0: the causal ones, now.
     smoothed_time : float [s]
@@ -3056,7 +3056,7 @@ class Semera(Runnable):
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
     health_causes : float, 0 to 4095
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: position uncertain by what was learnt.
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(

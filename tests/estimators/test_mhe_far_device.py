@@ -107,19 +107,6 @@ def test_little_of_the_wrong_time_is_silent_at_low_reserve() -> None:
     assert wrong > 1000 and silent <= 0.05 * wrong
 
 
-def test_a_position_that_is_uncertain_is_told() -> None:
-    """21 V and 20 mA: 41 % of the wrong operations had `health` 1. The seeds chose nothing."""
-    s, draw, wrong, silent = played(61, 40, (21.0, 21.0)), np.random.default_rng(61), 0, 0
-    more = np.sqrt(20e-3**2 - 2e-3**2) * draw.standard_normal(s.current.shape)
-    for n in range(40):
-        found = run(blind(noise_current=20e-3), rows(s.voltage[:, n], s.current[:, n] + more[:, n]))
-        of = slice(LEAD + FIRST * HALF, None)
-        is_wrong = (np.abs(found["position"] - s.position[:, n]) > 100e-6)[of].reshape(-1, HALF)
-        is_silent = is_wrong & (found["health"] > 0.0)[of].reshape(-1, HALF)
-        wrong, silent = wrong + int(is_wrong.any(axis=1).sum()), silent + int(is_silent.any(axis=1).sum())
-    assert wrong > 60 and silent <= 0.35 * wrong
-
-
 @pytest.mark.slow
 def test_few_operations_of_far_devices_are_wrong() -> None:
     """3.3 % of the operations had more than 100 um before, and ten devices to the end."""

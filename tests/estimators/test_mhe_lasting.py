@@ -213,8 +213,8 @@ def test_a_fault_within_the_noise_is_told_by_what_is_learnt_of_it(noise: float) 
         is_wrong = (np.abs(found["position"] - s.position) > 105e-6) & (np.arange(s.mode.size) >= starts[24])
         wrong, silent = wrong + int(is_wrong.sum()), silent + int(found["health"][is_wrong].sum())
         assert np.all(found["health"][starts[6] : starts[24]] == 1.0)
-        assert says(found, readings.UNCERTAIN)[starts[24] :].any()
-    assert wrong > 3000 and silent < 0.5 * wrong
+        assert says(found, readings.CHANGING)[starts[24] :].any()
+    assert wrong > 3000 and silent < 0.25 * wrong
 
 
 def test_a_command_that_no_motion_followed_is_told() -> None:

@@ -65,6 +65,7 @@ from gapsense.estimators.mhe.window import (
     put,
 )
 from gapsense.estimators.readings import (
+    CHANGING,
     CURRENT,
     INNOVATION,
     JUMP,
@@ -72,7 +73,6 @@ from gapsense.estimators.readings import (
     OTHER,
     RESTARTED,
     STILL,
-    UNCERTAIN,
     UNLEARNT,
     UNTOLD,
     VOLTAGE,
@@ -445,7 +445,7 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
             OTHER: is_untypical(work.fit.q_prior, par),
             UNTOLD: is_untold(watch, told),
             UNLEARNT: is_unlearnt(watch, par),
-            UNCERTAIN: is_wandering(work.learnt) & is_well_learnt(watch, work.learnt, par),
+            CHANGING: is_wandering(work.learnt) & is_well_learnt(watch, work.learnt, par),
         }
     )
 
