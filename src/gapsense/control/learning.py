@@ -33,7 +33,7 @@ FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
 LITTLE = 1e-4  # flux linkage [Wb]
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
-DRIFT, WILDER = (0.005, 0.005, 0.005, 0.01), 3.0  # of a, b, q, r from operation to operation; with a noisy current
+DRIFT, WILDER = (0.005, 0.005, 0.005, 0.01), 4.0  # of a, b, q, r from operation to operation; with a noisy current
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
@@ -118,7 +118,7 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
             where(has_landed & (is_measured | (law.was_plain < 1.0)), doubt, UNKNOWN),
         ]
     )
-    by_law = _steady(law, slopes[:NUMBERS], where(state.since_plain < YOUNG, EAGER, STEADY))
+    by_law = _steady(law, slopes[:NUMBERS], where(state.since_plain < YOUNG, where(is_noisy, 1.0, EAGER), STEADY))
     is_soft = has_landed & (law.was_plain < 1.0) & (state.running.is_plain < 1.0)
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
     by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
