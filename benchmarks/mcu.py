@@ -2,14 +2,15 @@
 
 Built by arm-none-eabi-gcc with -Os, run by QEMU, which counts instructions and knows no waiting for memory.  The FMUs
 in build/fmus play the scenarios that the inputs are from.  Two tables, of chosen outputs in float and of all outputs of
-all components in float and double; `--write` puts them into docs/microcontrollers.md, which takes half an hour.
+all components in float and double; `--write` puts them into docs/microcontrollers.md, which takes half an hour, or with
+`--only` a minute for each component, whose rows alone are written.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "mcu"))
@@ -38,20 +39,31 @@ def main() -> int:
     """Measure and print; nothing without the tools."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true", help="also into the page")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="these components, all outputs")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these components")
     given = parser.parse_args()
     if missing := missing_tools():
         print(f"{', '.join(missing)} not found: nothing was measured. Install them.")
         return 2 if given.write else 0
     every = [row._replace(real=real) for row in EVERY for real in REALS]
-    if given.only:
-        show(HEAD_OF_ALL, (row for row in every if row.record().folder.name in given.only), MACHINES, line_of_all)
-        return 0
-    found = {BEGIN: show(HEAD, ROWS, BOARDS, line), BEGIN_OF_ALL: show(HEAD_OF_ALL, every, MACHINES, line_of_all)}
+    chosen, all_outputs = ([row for row in rows if is_chosen(row, given.only)] for rows in (ROWS, every))
+    found = {BEGIN: show(HEAD, chosen, BOARDS, line)} if chosen else {}
+    found[BEGIN_OF_ALL] = show(HEAD_OF_ALL, all_outputs, MACHINES, line_of_all)
     for begin, text in found.items() if given.write else ():
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(begin)
-        PAGE.write_text(before + begin + text + END + rest.partition(END)[2], encoding="utf-8")
+        old, _, after = rest.partition(END)
+        PAGE.write_text(before + begin + (replaced(old, text) if given.only else text) + END + after, encoding="utf-8")
     return 0
+
+
+def is_chosen(row: Row, only: Sequence[str] | None) -> bool:
+    """Whether a row is of one of these components; of any, if none are given."""
+    return not only or row.record().folder.name in only
+
+
+def replaced(old: str, new: str) -> str:
+    """A table with the rows of another: in place of those with the same first two cells, or at the end."""
+    rows = {tuple(row.split("|")[1:3]): row for row in (*old.splitlines(), *new.splitlines())}
+    return "\n".join([*rows.values(), ""])
 
 
 def show(head: str, rows: Iterable[Row], boards: Iterable[str], cells: Callable[..., str]) -> str:

@@ -58,7 +58,7 @@ def numbers(text: str, cells: slice = slice(3, 9)) -> list[float]:
     return [float(word.replace(",", "")) for cell in text.split("|")[cells] for word in cell.replace(", ", " ").split()]
 
 
-@pytest.mark.parametrize("part", ["drive", "stage", "sensor"])
+@pytest.mark.parametrize("part", ["drive", "stage", "sensor", "hybrid_ekf"])
 def test_so_does_the_table_of_all_components(part: str) -> None:
     row = next(row for row in EVERY_ROW if row.part == part)
     found, page = measured(row, "Cortex-M7"), PAGE.read_text(encoding="utf-8").partition(BEGIN_OF_ALL)[2]

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from gapsense.estimators.kalman import mean, normalised, surprise
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
-from gapsense.kernels.trace import clip, cond, fabs, floor, load, loop, not_, sqrt, square, store, where
+from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, sqrt, square, store, where
 
 PATIENCE = 5.0  # wild samples in a row that are skipped; if there are more, it is the model that is wrong
 WILD = 200.0  # deviations of an innovation that is told in its sample, however few there are
@@ -84,7 +84,8 @@ class Usual(NamedTuple):
     until the mover of that model leaves the other stop, and consists of `PARTS`: half of them from its takeoff on, the
     others from each edge of the voltage on; the last of either half is repeated.  The mean is compared where a part
     ends, or at an edge: within one it may change fast.  Memory has the largest mean of each part, then the largest of
-    minus the mean, both plus `MOST`; 0: none yet.
+    minus the mean, both plus `MOST`; 0: none yet.  What was seen in an operation becomes usual in the first samples of
+    the next one, which is compared with the other half of that memory.
     """
 
     surprise: Scalar  # mean of the squared normalised innovation [1]
@@ -94,6 +95,8 @@ class Usual(NamedTuple):
     operations: Annotated[Scalar, Count]  # from which it is known what is usual
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
     spread: Scalar  # largest range of a part that is not repeated [deviations of the noise]
+    learnt: Annotated[Scalar, Count]  # parts of either half of the last operation that became usual, or were dropped
+    learns: Annotated[Scalar, Whole(0, 1)]  # flag: that operation had no sign
     innovation: Scalar  # takeoffs until this sign is forgotten, as the following
     other: Scalar
     seen: Annotated[Array, Memory(2 * PARTS)]  # in this operation
@@ -112,7 +115,7 @@ class Now(NamedTuple):
 
 def unknown() -> Usual:
     """No operation so far."""
-    return blank(Usual, surprise=1.0)
+    return blank(Usual, surprise=1.0, learnt=float(RESTING))
 
 
 def is_far(innovation: Scalar, std: Scalar, most: Scalar) -> Scalar:
@@ -185,31 +188,30 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
     ends = (later > part) | now.is_edge
     half, first = before.has_edge * RESTING, where(before.left > 2.0, 2.0 * PARTS, 0.0)
     part = half + clip(part, 0.0, RESTING - 1.0)
+    has_more = before.learnt < RESTING
+    seen, usual, spread = cond(
+        has_more, lambda: _learnt(before, 2.0 * PARTS - first), lambda: (before.seen, before.usual, before.spread)
+    )
 
     def ended() -> tuple[Array, Scalar]:
-        is_alike = (before.operations >= KNOWN) & (before.spread <= ALIKE)
+        is_alike = (before.operations >= KNOWN) & (spread <= ALIKE)
         n = larger(floor(0.5 * before.operations), 0.5 * FEW)
 
         def is_unusual(beside: float, more: Scalar, slack: float) -> Scalar:
-            above, below = (_most(before.usual, first, part, half, k * PARTS, beside) for k in (0, 1))
+            above, below = (_most(usual, first, part, half, k * PARTS, beside) for k in (0, 1))
             most = more * (above + below - 2.0 * MOST) + slack
             return (MOST + biased > above + most) | (MOST - biased > below + most)
 
         is_beyond = is_unusual(1.0, where(is_alike, WIDER, larger(beyond(n), WIDER)), SLACK)
         is_beyond = is_beyond | (is_alike & is_unusual(BESIDE, ALIKE_WIDER, ALIKE_SLACK))
-        is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(before.usual, first + part) > 0.0)
-        seen = before.seen
+        is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(usual, first + part) > 0.0)
+        noted = seen
         for k, value in enumerate((MOST + biased, MOST - biased)):
-            seen = store(seen, part, larger(load(seen, part, k * PARTS), value), k * PARTS)
-        return seen, where(is_known & is_beyond, 1.0, 0.0)
+            noted = store(noted, part, larger(load(noted, part, k * PARTS), value), k * PARTS)
+        return noted, where(is_known & is_beyond, 1.0, 0.0)
 
-    seen, is_other = cond(ends, ended, lambda: (before.seen, 0.0))
-    is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0)
-    seen, usual, spread = cond(
-        is_over,
-        lambda: _begun(seen, before, first, is_learnt),
-        lambda: (seen, before.usual, before.spread),
-    )
+    seen, is_other = cond(ends, ended, lambda: (seen, 0.0))
+    is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0) & not_(has_more)
     return Usual(
         surprise=surprised,
         bias=biased,
@@ -218,6 +220,8 @@ def compared(before: Usual, now: Now, limits: Limits) -> Usual:
         operations=before.operations + where(is_over & is_learnt, 1.0, 0.0),
         left=where(is_over, now.leaves, before.left),
         spread=spread,
+        learnt=where(is_over, 0.0, before.learnt + where(has_more, 1.0, 0.0)),
+        learns=where(is_over, where(is_learnt, 1.0, 0.0), before.learns),
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),
         other=lasting(before.other, is_other > 0.0, is_over),
         seen=seen,
@@ -243,19 +247,21 @@ def _most(usual: Array, first: Scalar, part: Scalar, half: Scalar, k: int, besid
     return own + beside * (larger(larger(before, after), own) - own)
 
 
-def _begun(seen: Array, before: Usual, first: Scalar, is_learnt: Scalar) -> tuple[Array, Array, Scalar]:
-    """Nothing seen; what is usual with an operation more: the most so far, slowly less; and its spread."""
+def _learnt(before: Usual, first: Scalar) -> tuple[Array, Array, Scalar]:
+    """A part more of either half of the last operation is usual: the most so far, slowly less; and its spread.
 
-    def one(seen: Array, usual: Array, spread: Scalar, k: Scalar) -> tuple[tuple[Array, Array, Scalar, Scalar], Scalar]:
-        width = -2.0 * MOST
+    One in each sample, as all at once take long on a microcontroller; this operation comes to each of them later.
+    """
+    seen, usual, spread = before.seen, before.usual, before.spread
+    for half in (0.0, float(RESTING)):
+        k, width = half + before.learnt, -2.0 * MOST
         for side in (0, PARTS):
             new, old = load(seen, k, side), load(usual, first + k, side)
-            learnt = where(is_learnt & (new > 0.0), where(new > old, new, old + FALL * (new - old)), old)
-            seen, usual, width = store(seen, k, 0.0, side), store(usual, first + k, learnt, side), width + learnt
-        is_repeated = (k == RESTING - 1.0) | (k == PARTS - 1.0)
-        return (seen, usual, where(is_repeated, spread, larger(spread, width)), k + 1.0), False
-
-    seen, usual, spread, _ = loop(PARTS, one, (seen, before.usual, before.spread, 0.0))
+            is_new = (before.learns > 0.0) & (new > 0.0)
+            now = where(is_new, where(new > old, new, old + FALL * (new - old)), old)
+            seen, usual, width = store(seen, k, 0.0, side), store(usual, first + k, now, side), width + now
+        is_repeated = before.learnt == RESTING - 1.0
+        spread = where(is_repeated, spread, larger(spread, width))
     return seen, usual, spread
 
 
