@@ -368,7 +368,13 @@ def trust(estimate: Estimate) -> str:
     shares = {text: float(np.mean(causes & int(bit) > 0)) for bit, text in CAUSES.items()}
     why = ", ".join(f"{text} ({_percent(share)})" for text, share in shares.items() if share)
     said = f"{estimate.name}: `health` is 1 in {_percent(float(is_fine.mean()))} of the samples"
-    return f"{said}; 0 for: {why}." if why else f"{said}."
+    said = f"{said}; 0 for: {why}." if why else f"{said}."
+    if "windows" in estimate.outputs and not estimate.outputs["windows"][-1]:
+        said += (
+            " No window was solved, so that there are no smoothed values, and `landing_time` and `impact_speed` say"
+            " nothing: the record ends too early after its landing, or nothing moved, or the model is another one."
+        )
+    return said
 
 
 def repeat_assumed(values: Mapping[str, Value], assumed: Sequence[str]) -> list[str]:
