@@ -1392,9 +1392,9 @@ class Mhe(Runnable):
     takeoff_time : float [s]
         Last sample at rest before the last motion that was solved.
     landing_time : float [s]
-        Its first landing.
+        Its first landing; before any, that of the first sample.
     impact_speed : float [m/s], at least 0
-        Speed before that landing.
+        Speed before that landing; 0 before any.
     bounces : float, at least 0
         Landings after the first one in the same window.
     windows : float, at least 0

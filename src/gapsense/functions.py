@@ -393,9 +393,10 @@ def estimate(
     record, (values, assumed) = judge.subtract_given(record, pairs(offset)), read_sets(sets)
     record = judge.coarsen(record, wanted, judge.estimators(every), values)
     names, left_out = judge.choose_estimators(wanted, judge.estimators(every), record, values)
-    notes = [*about(record), *(f"left out: {reason}" for reason in left_out)]
     take_values(find_components(every, names), sets, find_components(every))  # before any run
-    estimates = judge.run_all([folder / f"{name}.fmu" for name in names], record, values, progress)
+    placed = judge.placed(record, values) if "Mhe" in names else record
+    notes = [*about(placed), *(f"left out: {reason}" for reason in left_out)]
+    estimates = judge.run_all([folder / f"{name}.fmu" for name in names], record, values, progress, placed)
     doubts = judge.doubts(record, estimates)
     signals = {"time": record.times, "voltage": record.voltage, "current": record.current}
     signals |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}

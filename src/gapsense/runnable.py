@@ -16,7 +16,7 @@ from functools import cache, cached_property
 from inspect import Parameter, Signature
 from math import isfinite
 from pathlib import Path
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
@@ -122,9 +122,26 @@ class Runnable:
         if unknown := [key for key in parameters if key not in known]:
             found = [f"`{key}` is not a parameter of {self.ports.name}. {suggest(key, known)}" for key in unknown]
             raise ValuesError(found)
-        self.parameters = {port.name: number(port, parameters.get(key, port.start)) for key, port in known.items()}
+        self._parameters = {port.name: number(port, parameters.get(key, port.start)) for key, port in known.items()}
         self._values = fields(self.ports, self.parameters, self.folder)
         self.reset()
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Values by the names of the FMU, to read: a component keeps those with which it was made."""
+        return MappingProxyType(self._parameters)
+
+    if not TYPE_CHECKING:  # a type checker knows the attributes
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            if name != "state" and not name.startswith("_"):
+                made, known = self.ports.name, [port.field for port in self.ports.of("parameter")]
+                if name in known:
+                    raise AttributeError(
+                        f"`{name}` does not change any more. Make another one: {made}({name}={value!r})."
+                    )
+                raise AttributeError(f"`{name}` is not an attribute of {made}. {suggest(name, [*known, 'state'])}")
+            super().__setattr__(name, value)
 
     @classmethod
     def from_file(cls: type[R], path: str | Path, **parameters: Any) -> R:

@@ -38,6 +38,17 @@ def test_misspelt_file_after_a_run_is_no_other_scenario():
     assert code == 2 and "it belongs to the scenario" not in said and "`my_valve/scenario.toml`" in said
 
 
+@pytest.mark.parametrize("words", [["--variant", "warm", "--variant", "cold"], ["--out", "a", "--out", "b"]])
+def test_option_given_twice_is_refused(words):
+    code, said = gapsense("run", "semera_valve", *words)
+    assert code == 2 and f"`{words[0]}`: given twice. Keep one." in said
+
+
+def test_sweep_of_no_seed_is_told_alone():
+    code, said = gapsense("sweep", "semera_valve", "--seeds", "0")
+    assert (code, said) == (2, "seeds: 0 found, at least 1 expected. Correct it.")
+
+
 def test_report_on_a_record_does_not_say_run_again(folder):
     (folder / "valve.csv").write_text("time [s],voltage [V],current [A]\n0,0,0\n1e-3,1,0\n")
     code, said = gapsense("report", "valve.csv")

@@ -60,9 +60,17 @@ def test_wrong_value_is_told_with_its_place(write, chain, fmus, setting, expecte
         (["a.b=1", "a.b=2"], "--set, a.b: given twice"),
     ],
 )
-def test_setting_that_is_none_is_refused(write, chain, settings, expected):
-    with pytest.raises(ScenarioError, match=expected):
-        changed(write(chain), settings)
+def test_setting_that_is_none_is_told_with_what_is_wrong_with_the_file(write, chain, fmus, settings, expected):
+    broken = chain.replace("[experiment]", "[experiment]\nmehtod = 1")
+    with pytest.raises(ScenarioError, match=expected) as error:
+        load(changed(write(broken), settings))
+    assert any("mehtod" in problem for problem in error.value.problems)
+    assert any(expected in problem for problem in check(changed(write(chain), settings), fmus=fmus))
+
+
+def test_variant_that_is_none_is_told_with_what_is_wrong_with_the_file(write, chain, fmus):
+    found = check(write(chain.replace("[experiment]", "[experiment]\nmehtod = 1")), "nope", fmus)
+    assert len(found) == 2 and "there is no variant `nope`" in found[0] and "mehtod" in found[1]
 
 
 def test_file_is_relative_to_the_working_folder(write, chain, tmp_path, monkeypatch):

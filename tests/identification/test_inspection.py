@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from gapsense.identification.inspection.facts import WHITE, facts, fall, levels,
 from gapsense.identification.inspection.show import checklist, curve, of_resistances, remarks
 from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.reading import read_record
-from gapsense.identification.measurements.record import part, to_record
+from gapsense.identification.measurements.record import Columns, part, to_record
 from gapsense.report.plot import panels, suited
 from gapsense.scenarios.semera_valve.measuring import GOOD, Instruments, Pulses, measure
 
@@ -55,6 +56,25 @@ def bench(drive=None, instruments=None):
     read = subtract_offsets(to_record(columns))
     found = facts(read)
     return found, " ".join(remarks(read, found)), {item.what: item for item in checklist(found, 0)}
+
+
+def seconds(count):
+    """Time of the facts of so many pulses that end in 100 equal samples [s]."""
+    v = np.tile(np.repeat([0.0, 24.0, 0.0], [60, 120, 20]), count)
+    i = np.tile(
+        np.concatenate((np.zeros(60), np.minimum(np.arange(120) / 20.0, 1.0), np.arange(19, -1, -1) / 20)), count
+    )
+    made = to_record(
+        Columns("long.csv", np.arange(v.size) + 2, {"time": np.arange(v.size) * 1e-4, "voltage": v, "current": i})
+    )
+    began = process_time()
+    assert len(facts(made).pulses) == count
+    return process_time() - began
+
+
+def test_time_grows_with_the_length_of_a_record_not_with_its_square():
+    seconds(10)  # what is computed once
+    assert seconds(640) < 2.5 * 8.0 * max(seconds(80), seconds(80))
 
 
 @pytest.mark.parametrize(

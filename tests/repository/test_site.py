@@ -50,13 +50,6 @@ def test_pages_load_nothing_from_elsewhere(site):
     assert wrong == []
 
 
-def test_lists_and_tables_of_the_pages_are_lists_and_tables(site):
-    """Markdown of this site wants an empty line before them, others do not."""
-    for page in site.rglob("*.html"):
-        text = re.sub(r"<pre.*?</pre>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
-        assert not re.search(r"<p>(?:[^<]|<(?!/p>))*?\n(?:- |\d\. |\| )", text), page.name
-
-
 @pytest.mark.parametrize("name", ["index", "report", "components/Ekf", "gallery", "api", "examples/which_estimator"])
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_page_opens_in_a_browser_without_errors_and_without_a_network(site, browser, name, scheme):

@@ -156,6 +156,27 @@ def test_time_between_samples_is_that_of_the_component_if_it_is_not_given():
     assert gapsense.Ekf().run([0.0, 24.0], 0.0, 0.0, sample_time=1e-4).time.tolist() == [0.0, 1e-4]
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("dampin", "`dampin` is not an attribute of Mhe. Did you mean `damping`?"),
+        ("damping", "`damping` does not change any more. Make another one: Mhe(damping=1.0)."),
+        ("sate", "Did you mean `state`?"),
+    ],
+)
+def test_attribute_that_would_do_nothing_is_refused(name, words):
+    with pytest.raises(AttributeError) as error:
+        setattr(gapsense.Mhe(), name, 1.0)
+    assert words in str(error.value)
+
+
+def test_parameters_are_to_be_read():
+    made = gapsense.Mhe(damping=0.6)
+    with pytest.raises(TypeError):
+        made.parameters["damping"] = 0.7
+    assert made.parameters["damping"] == 0.6
+
+
 def test_response_shows_itself():
     response = gapsense.SolenoidValve().run(np.full(40, 24.0), sample_time=25e-6)
     assert repr(response).startswith("<SolenoidValve: 40 samples, outputs current, position")

@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar, cast
 
 import typer
+from typer.core import TyperCommand
 
 from gapsense import cosim
 from gapsense._os import interrupts
 from gapsense._os.files import refuse_unwritable
 from gapsense.cli.console import FAILED, notice, problem, reported, show, written
-from gapsense.problems import InputError
+from gapsense.problems import InputError, listing
 from gapsense.shipped import examples
 from gapsense.version import __version__
 
@@ -129,9 +130,22 @@ Workers = Annotated[int, typer.Option(help="Number of processes; results do not 
 Function = TypeVar("Function", bound=Callable[..., None])
 
 
+class Command(TyperCommand):
+    """A command that refuses an option given twice, of which a parser takes the last."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the words of the command line."""
+        _, _, given = self.make_parser(ctx).parse_args(args=[*args])
+        once = [one for one in given if not (one.multiple or getattr(one, "is_flag", False))]
+        twice = {one.opts[0] for one in once if one.param_type_name == "option" and once.count(one) > 1}
+        if twice and not ctx.resilient_parsing:
+            ctx.fail(f"{listing(sorted(twice))}: given twice. Keep one.")
+        return super().parse_args(ctx, args)
+
+
 def command(name: str, group: typer.Typer = app) -> Callable[[Function], Function]:
     """Register a function as a command. Errors that the user can fix end it with their sentences and an exit code."""
-    return lambda function: group.command(name)(reported()(checked(function)))
+    return lambda function: group.command(name, cls=Command)(reported()(checked(function)))
 
 
 def checked(function: Function) -> Function:

@@ -19,9 +19,11 @@ from gapsense._os.files import write_atomically, write_columns
 from gapsense._os.workers import Progress
 from gapsense.cosim.fmu.descriptions import describe
 from gapsense.cosim.fmu.feed import feed
-from gapsense.fmi.components import find_components, load_component
+from gapsense.estimators.readings import CAUSES
+from gapsense.fmi.components import find_components, kernel_parameters, load_component, own
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import problems
+from gapsense.identification.actuator.edges import place_edges
 from gapsense.identification.assumptions import is_device, list_values, meanings
 from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.checks import begins_at_rest
@@ -163,14 +165,25 @@ def choose_estimators(
     return [name for name, reason in reasons.items() if not reason], refused
 
 
+def placed(record: Record, values: Mapping[str, Value]) -> Record:
+    """The record as `Mhe` is to have it: with edges of the voltage where its currents tell."""
+    mhe = own("mhe")
+    names = [port.name for port in load_component(mhe).of("parameter")]
+    return place_edges(record, kernel_parameters(mhe, values_for(names, values)))
+
+
 def run_all(
-    fmus: Sequence[Path], record: Record, values: Mapping[str, Value], progress: Progress = lambda done, total: None
+    fmus: Sequence[Path],
+    record: Record,
+    values: Mapping[str, Value],
+    progress: Progress = lambda done, total: None,
+    means: Record | None = None,
 ) -> list[Estimate]:
-    """Estimators over a record, one after the other; `progress` is called with those done and all."""
+    """Estimators over a record, or `Mhe` over its mean voltages; `progress` is called with those done and all."""
     estimates = []
     for k, fmu in enumerate(fmus):
         progress(k, len(fmus))
-        estimates.append(run_estimator(fmu, record, values))
+        estimates.append(run_estimator(fmu, means if means and fmu.stem == "Mhe" else record, values))
     return estimates
 
 
@@ -178,15 +191,15 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
     """Run an estimator over a record, with all inputs and parameters that the record can give, and its sample time."""
     description = describe(fmu)
     names = [v.name for v in description.of("parameter")]
-    own = given_time(names, values_for(names, values), record)
+    mine = given_time(names, values_for(names, values), record)
     signals = signals_of(record)
     inputs = {v.name: signals[v.name] for v in description.of("input") if v.name in signals}
-    outputs = feed(fmu, fmu.stem, own, float(record.times[0]), record.dt, inputs)
+    outputs = feed(fmu, fmu.stem, mine, float(record.times[0]), record.dt, inputs)
     coil = description.variables.get("coil.resistance")
-    resistance = None if coil is None else float(own.get("coil.resistance", coil.start or 0.0))
+    resistance = None if coil is None else float(mine.get("coil.resistance", coil.start or 0.0))
     units = {n: description.variables[n].unit or "" for n in outputs}
-    left = unset(description.starts, own)
-    return Estimate(name=fmu.stem, outputs=outputs, values=own, units=units, resistance=resistance, unset=left)
+    left = unset(description.starts, mine)
+    return Estimate(name=fmu.stem, outputs=outputs, values=mine, units=units, resistance=resistance, unset=left)
 
 
 def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, Value]:
@@ -335,7 +348,7 @@ SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
 
 
 def estimate_tables(estimates: Sequence[Estimate]) -> list[Table | str]:
-    """Last values of every estimator, and the parameters that were set."""
+    """Last values of every estimator, whether it trusts them, and the parameters that were set."""
     rows, said = [], []
     for e in estimates:
         last = {q: quantity(float(e.outputs[q][-1]), u) for q, u in QUANTITIES.items() if q in e.outputs}
@@ -345,7 +358,23 @@ def estimate_tables(estimates: Sequence[Estimate]) -> list[Table | str]:
         if e.unset:
             starts = list_values(e.unset, BY_NAME, e.unset)
             said.append(f"{e.name}, not given, so the component's own start values are used: {starts}.")
-    return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *said]
+    trusted = [trust(e) for e in estimates if "health_causes" in e.outputs]
+    return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *trusted, *said]
+
+
+def trust(estimate: Estimate) -> str:
+    """In how many samples an estimator trusts itself, and why it does not in the others."""
+    is_fine, causes = estimate.outputs["health"] > HEALTHY, estimate.outputs["health_causes"].astype(int)
+    shares = {text: float(np.mean(causes & int(bit) > 0)) for bit, text in CAUSES.items()}
+    why = ", ".join(f"{text} ({_percent(share)})" for text, share in shares.items() if share)
+    said = f"{estimate.name}: `health` is 1 in {_percent(float(is_fine.mean()))} of the samples"
+    said = f"{said}; 0 for: {why}." if why else f"{said}."
+    if "windows" in estimate.outputs and not estimate.outputs["windows"][-1]:
+        said += (
+            " No window was solved, so that there are no smoothed values, and `landing_time` and `impact_speed` say"
+            " nothing: the record ends too early after its landing, or nothing moved, or the model is another one."
+        )
+    return said
 
 
 def repeat_assumed(values: Mapping[str, Value], assumed: Sequence[str]) -> list[str]:

@@ -167,8 +167,8 @@ def source_of(store: Store, scenario: Scenario) -> str:
 def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: bool) -> None:
     """Raise ScenarioError for a sweep that makes no sense."""
     problems = []
-    if seeds < 1 or workers < 1:
-        problems.append(f"{seeds} seeds and {workers} workers found, at least 1 of each expected.")
+    wrong = {name: count for name, count in (("seeds", seeds), ("workers", workers)) if count < 1}
+    problems += [f"{name}: {count} found, at least 1 expected. Correct it." for name, count in wrong.items()]
     if seeds * len(scenario.points()) > MOST_RUNS:
         asked_for = product((len(scenario.points()), seeds))
         problems.append(f"seeds: {asked_for} runs found, at most {MOST_RUNS} expected. Take fewer seeds.")

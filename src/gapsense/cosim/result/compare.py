@@ -23,6 +23,7 @@ EVEN = 0.1  # share of the rows of an even grid that may be farther apart
 SHOWN = 3  # stretches of rows in a message
 SLACK = 1e-6  # in the distance of rows: times no farther apart than this are equal
 BASELINE = "the baseline"
+UPDATE = "If the change is meant, update it: `gapsense baseline --write`."
 
 
 def selected(result: Result, baseline: Baseline) -> list[str]:
@@ -44,7 +45,7 @@ def compare(result: Result, baseline: Baseline) -> Comparison:
     try:
         columns = read_columns(baseline.file, {**TIME, **result.units})
     except (OSError, ValueError) as error:
-        problem = f"baseline `{baseline.file.name}` cannot be read: {error} Update the baseline."
+        problem = f"baseline `{baseline.file.name}` cannot be read: {error} {UPDATE}"
         return Comparison((problem,))
     times = columns.pop("time", np.empty(0))
     result = thinned(result, baseline)
@@ -61,21 +62,21 @@ def other_times(result: Result, times: Vector) -> str:
     if times.size != result.times.size:
         told = [said.partition(". ")[0] for said in apart(result.times, np.sort(times), "the run", BASELINE)]
         where = "".join(f" {said[0].upper()}{said[1:]}." for said in told)
-        return f"the baseline has {times.size} rows, the run has {result.times.size}.{where} Update the baseline."
+        return f"the baseline has {times.size} rows, the run has {result.times.size}.{where} {UPDATE}"
     wrong = np.abs(times - result.times) > 1e-9 * result.base_step
     if not wrong.any():
         return ""
     row, count = int(np.argmax(wrong)), int(wrong.sum())
     found = f"row {row} of the baseline is at {times[row]:.9g} s, of the run at {result.times[row]:.9g} s"
-    return f"{count} rows have other times: {found}. Update the baseline."
+    return f"{count} rows have other times: {found}. {UPDATE}"
 
 
 def other_signals(names: list[str], columns: Mapping[str, Vector]) -> list[str]:
     """Sentences on signals that only the run or only the baseline has."""
     new = [name for name in names if name not in columns]
     gone = [name for name in columns if name not in names]
-    problems = [f"not in the baseline: {listing(new)}. Update the baseline."] if new else []
-    return problems + ([f"only in the baseline: {listing(gone)}. Record them or update the baseline."] if gone else [])
+    problems = [f"not in the baseline: {listing(new)}. {UPDATE}"] if new else []
+    return problems + ([f"only in the baseline: {listing(gone)}. Record them. {UPDATE}"] if gone else [])
 
 
 def tolerance_of(name: str, baseline: Baseline) -> Tolerance:

@@ -157,6 +157,7 @@ class Document:
     data: Mapping[str, Any]
     changes: Mapping[str, Any] = field(default_factory=dict)  # values by `component.variable`, over all others
     is_file: bool = False  # as it stands in `path`
+    problems: Sequence[str] = ()  # of the changes; told with those of the file
 
     @property
     def name(self) -> str:
@@ -216,6 +217,7 @@ def missing(path: Path) -> str:
 def read_document(source: Source, problems: list[str]) -> Document | None:
     """Content of a scenario file, or None after noting why it cannot be read."""
     if isinstance(source, Document):
+        problems += source.problems
         return source
     path = scenario_file(source)
     if wrong := other_kind(path, SCENARIO) if path.exists() else missing(path):
@@ -230,7 +232,7 @@ def document_of(source: Source, variant: str | None = None) -> Document:
     problems: list[str] = []
     document = read_document(source, problems)
     document = document and document.with_variant(variant, problems)
-    if document is None:
+    if problems or document is None:
         raise ScenarioError(problems)
     return document
 
@@ -241,10 +243,15 @@ def document_of(source: Source, variant: str | None = None) -> Document:
 def changed(source: Source, settings: Sequence[str]) -> Source:
     """A scenario with values laid over it that are written as on the command line: `valve.damping=0.4`.
 
-    What TOML does not take as a value is a text; files are relative to the working folder.
+    What TOML does not take as a value is a text; files are relative to the working folder. What is wrong is told with
+    what is wrong with the file, when it is checked or run.
     """
     if not settings:
         return source
+    unread: list[str] = []
+    document = read_document(source, unread)
+    if document is None:
+        raise ScenarioError(unread)
     problems: list[str] = []
     changes: dict[str, Any] = {}
     for setting in settings:
@@ -253,11 +260,9 @@ def changed(source: Source, settings: Sequence[str]) -> Source:
             problems.append(f"{OVER}, {setting}: `component.parameter=value` expected. Correct it.")
         elif name in changes:
             problems.append(f"{OVER}, {name}: given twice. Keep one.")
-        changes[name] = parsed_value(text)
-    document = read_document(source, problems)
-    if problems or document is None:
-        raise ScenarioError(problems)
-    return replace(document, changes={**document.changes, **changes})
+        else:
+            changes[name] = parsed_value(text)
+    return replace(document, changes={**document.changes, **changes}, problems=(*document.problems, *problems))
 
 
 class Changes:
@@ -324,10 +329,10 @@ def read_draft(source: Source, variant: str | None = None) -> Draft:
     """Scenario as far as it can be read, with the problems found."""
     problems: list[str] = []
     document = read_document(source, problems)
-    document = document and document.with_variant(variant, problems)
     if document is None:
         return Draft(None, problems)
-    reader = Reader(document, variant, problems)
+    laid = document.with_variant(variant, problems)
+    reader = Reader(laid or document, variant if laid else None, problems)
     return Draft(reader.scenario(), problems, frozenset(reader.broken))
 
 

@@ -211,8 +211,8 @@ class Operation(NamedTuple):
     """The last operation that was solved, and its window."""
 
     takeoff_time: Scalar = output("s", "Last sample at rest before the last motion that was solved", nominal=1e-2)
-    landing_time: Scalar = output("s", "Its first landing", nominal=1e-2)
-    impact_speed: Scalar = output("m/s", "Speed before that landing", min=0.0)
+    landing_time: Scalar = output("s", "Its first landing; before any, that of the first sample", nominal=1e-2)
+    impact_speed: Scalar = output("m/s", "Speed before that landing; 0 before any", min=0.0)
     bounces: Scalar = output("1", "Landings after the first one in the same window", min=0.0)
     windows: Scalar = output("1", "Windows solved so far", min=0.0)
     misfit: Scalar = output("1", "Cost of the last window over what noise and model error make", min=0.0)

@@ -19,7 +19,7 @@ from gapsense.identification.measurements.operations import (
 )
 from gapsense.identification.measurements.prepare import FEWEST_AT_REST, offset
 from gapsense.identification.measurements.record import Columns, Offset, Record, Vector
-from gapsense.identification.measurements.signals import edges, hidden, noise, resolution
+from gapsense.identification.measurements.signals import average, edges, hidden, noise, resolution
 from gapsense.identification.measurements.switching import Carrier, carrier
 
 OFF = 0.05  # of the largest voltage: no more is on
@@ -212,7 +212,7 @@ def fall(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
 
 def _fall(i: Vector, chance: float, least: float, width: int) -> tuple[int, int] | None:
     """The same of a current averaged over so many samples."""
-    smooth = np.convolve(i, np.ones(width) / width, mode="valid")
+    smooth = average(i, width)
     top = np.maximum.accumulate(smooth)
     falls = np.flatnonzero(top - smooth > chance / np.sqrt(width) + least)
     if not falls.size:
@@ -225,7 +225,7 @@ def _fall(i: Vector, chance: float, least: float, width: int) -> tuple[int, int]
 
 def lowest(i: Vector, begin: int, end: int, width: int) -> int:
     """Where the current, averaged over fewer samples, is lowest between two of them."""
-    return begin + int(np.argmin(np.convolve(i[begin:end], np.ones(width) / width, mode="valid"))) + width // 2
+    return begin + int(np.argmin(average(i[begin:end], width))) + width // 2
 
 
 def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
@@ -236,7 +236,7 @@ def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
         width = max(1, h // 2)
         if h < 2 or i.size <= 2 * h + width:
             continue
-        smooth = np.convolve(i, np.ones(width) / width, mode="valid")
+        smooth = average(i, width)
         bend = smooth[2 * h :] - 2.0 * smooth[h:-h] + smooth[: -2 * h]
         is_bent = bend < -SIGMAS * sigma * np.sqrt(6.0 / width) - least
         if is_bent.any():

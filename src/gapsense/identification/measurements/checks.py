@@ -33,6 +33,10 @@ def time_problems(columns: Columns) -> Iterator[str]:
     wrong, usual = uneven(t)
     if wrong.size and rounding(t) > 0.0:
         return
+    if usual <= 0.0:
+        said = f"{file}: `time` {'falls' if usual < 0.0 else 'does not change'} from row to row, it is to rise."
+        yield f"{said} Sort the rows, or name another column with `--column time=NAME`."
+        return
     steps = np.diff(t)
     for k in wrong[:SHOWN]:
         yield (
@@ -115,8 +119,10 @@ def clipping(columns: Columns, name: str) -> Iterator[str]:
     unit = {"voltage": "V", "current": "A"}[name]
     for extreme, word in ((x.max(initial=0.0), "largest"), (x.min(initial=0.0), "smallest")):
         is_flat = x == extreme
-        runs = [] if extreme == 0.0 else [run for run in true_runs(is_flat) if run[1] - run[0] >= CLIPPED]
-        clipped = [run for run in runs if _is_noisy(x[~is_flat]) or (name == "current" and _is_steep(x, run[0]))]
+        clipped = [] if extreme == 0.0 else [run for run in true_runs(is_flat) if run[1] - run[0] >= CLIPPED]
+        if clipped and not _is_noisy(x[~is_flat]):
+            least = max(STEEP * float(np.ptp(x)), 2.0 * resolution(x)) if name == "current" else np.inf
+            clipped = [run for run in clipped if _change_before(x, run[0]) > least]
         if clipped:
             first, end = clipped[0]
             yield (
@@ -133,10 +139,9 @@ def _is_noisy(x: Vector) -> bool:
     return alternates > 0.25 and noise(x) > 2.0 * resolution(x)
 
 
-def _is_steep(x: Vector, first: int) -> bool:
-    """True if the signal changes by more than a digit just before it becomes flat, where a settling one would not."""
-    change = float(np.abs(np.diff(x[max(first - 2, 0) : first + 1])).max(initial=0.0))
-    return change > STEEP * float(np.ptp(x)) and change > 2.0 * resolution(x)
+def _change_before(x: Vector, first: int) -> float:
+    """Largest change just before the signal becomes flat: more than a digit, where a settling one would not."""
+    return float(np.abs(np.diff(x[max(first - 2, 0) : first + 1])).max(initial=0.0))
 
 
 SPIKE = 0.2  # if all other currents are below this share of the largest one, it is a spike

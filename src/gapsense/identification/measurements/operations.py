@@ -110,17 +110,17 @@ def activities(record: Record) -> list[tuple[int, int]]:
     rest = float(np.median(i[: max(1, at_rest(record))]))
     runs = [run for run in true_runs(np.abs(i - rest) > leaves(i, "current")) if run[1] - run[0] >= FEW]
     pause = PAUSE * max((end - begin for begin, end in runs), default=0)
-    joined: list[tuple[int, int]] = []
+    v, limit, joined = record.voltage, leaves(record.voltage, "voltage"), list[tuple[int, int]]()
     for begin, end in runs:
-        if joined and (begin - joined[-1][1] < pause or _is_moved(record.voltage, joined[-1][1], begin, end)):
+        if joined and (begin - joined[-1][1] < pause or _is_moved(v, limit, joined[-1][1], begin, end)):
             begin = joined.pop()[0]
         joined.append((begin, end))
     return joined
 
 
-def _is_moved(v: Vector, ended: int, begin: int, end: int) -> bool:
+def _is_moved(v: Vector, limit: float, ended: int, begin: int, end: int) -> bool:
     """Whether the voltage rests from the end of an activity to that of the next: a mover that goes back makes that."""
-    return bool(np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= leaves(v, "voltage")))
+    return bool(np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= limit))
 
 
 def starts(record: Record) -> list[int]:

@@ -9,6 +9,7 @@ Vector = npt.NDArray[np.float64]
 
 SIGMAS = 4.0
 EDGE = 0.25  # of the range of a voltage: less is no edge
+NARROW = 100  # samples, over which a convolution is quick; differences of sums round worse
 
 
 def noise(x: Vector) -> float:
@@ -26,6 +27,14 @@ def hidden(x: Vector) -> float:
     """Standard deviation of what the steps of a converter hide; 0 for a signal that never changes."""
     step = resolution(x)
     return step / float(np.sqrt(12.0)) if np.isfinite(step) else 0.0
+
+
+def average(x: Vector, width: int) -> Vector:
+    """Means over so many neighbouring samples (n - width + 1,); wide ones cost no more than narrow ones."""
+    if width <= NARROW:
+        return np.convolve(x, np.ones(width) / width, mode="valid")
+    sums = np.cumsum(np.concatenate(([0.0], x)))
+    return np.asarray((sums[width:] - sums[:-width]) / width)
 
 
 def true_runs(is_true: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
