@@ -57,6 +57,7 @@ def _landings(axis: Any, result: Result, parts: list[slice]) -> None:
         axis.plot(planned[:, k], "--", color=color, linewidth=1.0, label=f"{operation}, approach as planned")
     axis.set_yscale("log")
     axis.set_xlabel("cycle")
+    axis.locator_params(axis="x", integer=True)
     axis.set_ylabel("speed / (m/s)")
 
 

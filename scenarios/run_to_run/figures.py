@@ -39,6 +39,7 @@ def speeds(title: str, outcomes: Outcomes) -> Figure:
     for column, (law, outcome) in zip(axes.T, outcomes.items()):
         column[0].set_title(LAWS[law].title.replace(", ", ",\n"), fontsize="medium")
         column[-1].set_xlabel("cycle")
+        column[-1].locator_params(axis="x", integer=True)
         for axis, values in zip(column, np.swapaxes(outcome.speeds, 0, 1)):
             _banded(axis, values, COLORS[law])
     for axis, operation in zip(axes[:, 0], OPERATIONS):

@@ -151,8 +151,8 @@ class BoundedUkf(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 2047
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
+    health_causes : float, 0 to 4095
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -505,8 +505,8 @@ class Ekf(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 2047
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
+    health_causes : float, 0 to 4095
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -756,8 +756,8 @@ class Ertss(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 2047
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
+    health_causes : float, 0 to 4095
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     smoothed_published : float, 0 to 1
         1: smoothed values of the sample at smoothed_time; 0: those of the filter, now.
     smoothed_time : float [s]
@@ -981,8 +981,8 @@ class HybridEkf(Runnable):
         Standard deviation expected of it.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 2047
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
+    health_causes : float, 0 to 4095
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -1112,8 +1112,8 @@ class IntegralEstimator(Runnable):
         Time of the sample that the estimates belong to.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 2047
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
+    health_causes : float, 0 to 4095
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(
@@ -1377,8 +1377,8 @@ class Mhe(Runnable):
         Measured current minus that of the causal estimate.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 2047
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
+    health_causes : float, 0 to 4095
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     smoothed_published : float, 0 to 1
         1: smoothed values of the sample at smoothed_time; 0: the causal ones, now.
     smoothed_time : float [s]
@@ -1392,9 +1392,9 @@ class Mhe(Runnable):
     takeoff_time : float [s]
         Last sample at rest before the last motion that was solved.
     landing_time : float [s]
-        Its first landing.
+        Its first landing; before any, that of the first sample.
     impact_speed : float [m/s], at least 0
-        Speed before that landing.
+        Speed before that landing; 0 before any.
     bounces : float, at least 0
         Landings after the first one in the same window.
     windows : float, at least 0
@@ -3055,8 +3055,8 @@ class Semera(Runnable):
         Estimated reluctance; 0 while coil.turns is 0.
     health : float, 0 to 1
         1: to be trusted as far as the filter can tell; 0: not.
-    health_causes : float, 0 to 2047
-        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice.
+    health_causes : float, 0 to 4095
+        Why not, a sum of 1: innovations larger than expected, 2: current error larger than expected, 4: flux linkage beyond saturation, 8: position held at a bound for long, 16: a reading lost or wild, 32: covariance lost, restarted, 64: no motion after a command, 128: device far from the one told, 256: noise or switching larger than told, 512: first impact perhaps missed by the contact, 1024: device not learnt yet, operate it twice, 2048: what was learnt keeps changing.
     """
 
     def __init__(

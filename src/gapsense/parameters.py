@@ -63,6 +63,9 @@ def read_set(path: Path, problems: list[str]) -> ParameterSet:
     data = read_toml(path, problems)
     if data is None:
         return ParameterSet({})
+    if "components" in data:
+        problems.append(f"{path.name}: it is a scenario. Name a parameter set, a file with a table `[values]`.")
+        return ParameterSet({})
     table = Table(data, path.name, "", problems)
     marked = table.read(PARAMETER_SET)["assumed"]
     if "values" not in data:

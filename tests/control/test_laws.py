@@ -88,10 +88,18 @@ def test_misses_are_counted_in_a_row():
 
 
 @pytest.mark.parametrize(
-    ("has_landed", "share", "late"), [(0.0, 0.0, True), (1.0, -1.0, False), (1.0, 0.39, False), (1.0, 0.41, True)]
+    ("has_landed", "share", "is_noisy", "late"),
+    [
+        (0.0, 0.0, False, True),
+        (1.0, -1.0, False, False),
+        (1.0, 0.39, False, False),
+        (1.0, 0.41, False, True),
+        (1.0, 0.59, True, False),
+        (1.0, 0.61, True, True),
+    ],
 )
-def test_late_is_what_comes_long_after_it_was_planned_or_never(has_landed, share, late):
-    assert bool(laws.is_late(has_landed, share * FIRST.travel, FIRST.travel)) is late
+def test_late_is_what_comes_long_after_it_was_planned_or_never(has_landed, share, is_noisy, late):
+    assert bool(laws.is_late(has_landed, share * FIRST.travel, FIRST.travel, is_noisy)) is late
 
 
 def test_travel_gets_longer_but_not_for_ever():

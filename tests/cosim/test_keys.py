@@ -105,3 +105,10 @@ def test_loader_asks_for_nothing_that_the_table_lacks(write, monkeypatch):
 
 def test_array_of_tables_is_the_only_list_of_sections():
     assert [key.name for _, key in keys() if key.kind is TABLES] == ["connections"]
+
+
+def test_scenario_in_place_of_a_parameter_set_is_told_in_one_sentence(tmp_path):
+    (tmp_path / "scenario.toml").write_text("[experiment]\nstop = 1\n[components.a]\nfmu = 'Ekf'\n", encoding="utf-8")
+    found: list[str] = []
+    assert read_parameters(tmp_path / "scenario.toml", found) == {}
+    assert found == ["scenario.toml: it is a scenario. Name a parameter set, a file with a table `[values]`."]

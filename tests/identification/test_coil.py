@@ -27,6 +27,7 @@ from gapsense.identification.identify import coil_of
 from gapsense.identification.least_squares import currents
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.options import CONVENTIONS
+from gapsense.identification.valve.model import check_guess
 from gapsense.problems import InputError
 from gapsense.studies.devices import VALVE
 
@@ -160,6 +161,14 @@ def test_device_that_is_neither_is_refused_with_a_word_on_the_coil():
         coil_of("auto", [moving], far, None, ())
     assert "Nor does a coil without motion" in str(refused.value)
     assert coil_of("coil", [moving], far, None, ())[0] is not None
+
+
+@pytest.mark.parametrize(("factor", "is_unit"), [(1e-3, True), (0.05, False)])
+def test_current_in_another_unit_is_named(factor, is_unit):
+    made = record(seed=1)
+    with pytest.raises(InputError, match="another device") as refused:
+        check_guess(VALVE, [made._replace(current=factor * made.current)])
+    assert ("look at the units" in str(refused.value)) == is_unit
 
 
 def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone():

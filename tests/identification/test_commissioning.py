@@ -103,6 +103,15 @@ def test_losses_of_a_solid_core_are_found_from_the_guess_for_another_one(true, g
     assert max(map(abs, off.values())) < 3.0 and result.errors["core_eddy"] < 0.1, off
 
 
+def test_turnover_of_the_hysteresis_is_found_beyond_ten_times_the_guess():
+    """The search ended there; the belief still pulls, by less than two standard errors."""
+    lossy = TRUE._replace(core_turnover=6e-3)
+    result = fit.commission([record(par=lossy)], BELIEVED._replace(core_turnover=3e-4))
+    error = result.errors["core_turnover"]
+    assert result.is_explained and not result.at_limit and error < 0.3
+    assert abs(np.log(result.parameters.core_turnover / 6e-3)) < 2.0 * error
+
+
 def test_a_search_that_ends_where_no_minimum_is_says_so(monkeypatch):
     monkeypatch.setattr(fit, "minimise", lambda p, x, *_: Minimum(x, p.residuals([x])[0], 0, np.zeros(x.size, bool)))
     result = fit.commission([record(samples=1100)], BELIEVED)

@@ -145,3 +145,13 @@ def test_record_that_does_not_begin_at_rest_is_no_truth():
     measured = part(record(VALVE), slice(REST + 100, None))
     told = judge.truth(measured)
     assert told.resistance is None and told.flux_linkage is None
+
+
+def test_output_says_why_an_estimator_does_not_trust_itself(fmus):
+    """A single pulse teaches `Mhe` nothing that it could prove: its health is 0 in all of it."""
+    measured = record(VALVE, periods=1)
+    text = judge.trust(run_estimator(fmus / "Mhe.fmu", measured, GIVEN))
+    assert text == "Mhe: `health` is 1 in 3.9 % of the samples; 0 for: device not learnt yet, operate it twice (96 %)."
+    assert measured.times.size > 700 and "No window was solved" not in text
+    short = run_estimator(fmus / "Mhe.fmu", part(measured, slice(0, 200)), GIVEN)
+    assert "No window was solved" in judge.trust(short) and short.outputs["impact_speed"][-1] == 0.0

@@ -43,6 +43,17 @@ def cell(row: int, column: int, text: str):
     return edit
 
 
+def test_times_that_do_not_rise_are_told_once(tmp_path):
+    def backwards(lines):
+        lines[1:] = lines[:0:-1]
+
+    (said,) = problems(changed(tmp_path, backwards))
+    assert "`time` falls from row to row, it is to rise. Sort the rows" in said
+    v = columns(seed=1)
+    (said,) = problems(write(tmp_path / "still.csv", {**v, "time": np.zeros(v["time"].size)}))
+    assert "`time` does not change from row to row" in said
+
+
 def test_units_may_have_prefixes_and_columns_any_order(tmp_path):
     sound = read_record(write(tmp_path / "a.csv", seed=1))
     v = columns(seed=1)

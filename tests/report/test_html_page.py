@@ -27,7 +27,7 @@ from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.result.result import Timing
 from gapsense.problems import InputError
-from gapsense.report.html.page import write_report
+from gapsense.report.html.page import words, write_report
 
 EVIL = '<script>alert("x")</script><img src=x onerror=alert(1)> & "co\' `</title>'
 
@@ -200,10 +200,14 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
         "what a sweep continues from",
         "it is not a result. Name",
     )
-    for words in (*found, "SHA-256", "missing, damaged or not a side-car", "it is the side-car"):
-        assert words in told, words
+    for word in (*found, "SHA-256", "missing, damaged or not a side-car", "it is the side-car"):
+        assert word in told, word
     with pytest.raises(InputError, match="nothing to report on"):
         write_report([], tmp_path / "x.html")
+
+
+def test_words_in_back_ticks_are_code_and_nothing_else_of_a_text_is_html():
+    assert words("`a --b` & <i> `c") == "<code>a --b</code> &amp; &lt;i&gt; `c"
 
 
 def test_without_bokeh_the_extra_to_install_is_told_and_the_old_file_stays(tmp_path, monkeypatch):

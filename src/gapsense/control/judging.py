@@ -234,7 +234,7 @@ def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par
     plan, is_plain = planned(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
     first = where(half > 0.5, par.closing_travel, par.opening_travel)
-    is_late = laws.is_late(has_landed, after, first)
+    is_late = laws.is_late(has_landed, after, first, state.running.averaged > 0.0)
     is_weak = (has_landed < 1.0) & (state.by_model < 1.0)
     kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))

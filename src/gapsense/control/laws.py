@@ -16,7 +16,7 @@ DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
 HIGHEST_FLOOR = 0.25  # [m/s]
 UNJUDGED = 0.6  # operations that did not arrive: what one counts for until it is judged
-LATE = 0.4  # first travels after the planned arrival
+LATE, LATER = 0.4, 0.6  # first travels after the planned arrival; the same with a noisy current
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
 LIMITED = 5.0  # samples at a limit of the voltage that are too many
 EASED, EASIEST = 60.0, 0.1  # of the square of the flux linkage, by the time that openings are late [1/s]; at most
@@ -63,9 +63,9 @@ def started(law: Law, is_plain: Scalar) -> Law:
     return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), was_followed=1.0)
 
 
-def is_late(has_landed: Scalar, after: Scalar, travel: Scalar) -> Scalar:
+def is_late(has_landed: Scalar, after: Scalar, travel: Scalar, is_noisy: Scalar) -> Scalar:
     """Whether an operation fell short: its landing came this long after the planned one, if at all."""
-    return (has_landed < 1.0) | (after > LATE * travel)
+    return (has_landed < 1.0) | (after > where(is_noisy, LATER, LATE) * travel)
 
 
 def judged(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters) -> Law:

@@ -33,7 +33,7 @@ FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
 LITTLE = 1e-4  # flux linkage [Wb]
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
-DRIFT = (0.005, 0.005, 0.005, 0.01)  # of a, b, q, r from operation to operation
+DRIFT, WILDER = (0.005, 0.005, 0.005, 0.01), 4.0  # of a, b, q, r from operation to operation; with a noisy current
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
@@ -118,12 +118,13 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
             where(has_landed & (is_measured | (law.was_plain < 1.0)), doubt, UNKNOWN),
         ]
     )
-    by_law = _steady(law, slopes[:NUMBERS], where(state.since_plain < YOUNG, EAGER, STEADY))
+    by_law = _steady(law, slopes[:NUMBERS], where(state.since_plain < YOUNG, where(is_noisy, 1.0, EAGER), STEADY))
     is_soft = has_landed & (law.was_plain < 1.0) & (state.running.is_plain < 1.0)
     law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
     by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
     H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
-    learnt = _learnt(law, innovation, H, noise, is_soft & not_(is_noisy) & (state.since_plain > CLEAR))
+    is_steady, wander = is_soft & not_(is_noisy) & (state.since_plain > CLEAR), where(is_noisy, WILDER, 1.0)
+    learnt = _learnt(law, innovation, H, noise, is_steady, wander)
     return state._replace(laws=laws.write(state.laws, course.half, learnt))
 
 
@@ -133,10 +134,10 @@ def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:
     return vector([old + where(is_first, 1.0, share) * (new - old) for new, old in zip(slopes, law.slopes)])
 
 
-def _learnt(law: Law, innovation: Array, H: Array, noise: Array, is_steady: Scalar) -> Law:
+def _learnt(law: Law, innovation: Array, H: Array, noise: Array, is_steady: Scalar, wander: Scalar) -> Law:
     """No number changes by much at once."""
     q, P = condition(Gaussian(law.mean, law.cov), innovation, H, noise)
     change = [clip(new - old, -FARTHEST, FARTHEST) for new, old in zip(q, law.mean)]
     trend = vector([where(is_steady, KEEP * old + TREND * more, 0.0) for old, more in zip(law.trend, change)])
     mean = vector([clip(old + more + ramp, -LARGEST, LARGEST) for old, more, ramp in zip(law.mean, change, trend)])
-    return law._replace(mean=mean, trend=trend, cov=P + diagonal([square(drift) for drift in DRIFT]))
+    return law._replace(mean=mean, trend=trend, cov=P + diagonal([square(wander * drift) for drift in DRIFT]))

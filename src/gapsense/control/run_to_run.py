@@ -77,8 +77,9 @@ FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
-# of the noise that is warned of: from then on an estimator steadies the flux linkage, or a contact averages the current
-PART, AVERAGED = 0.5, 0.75
+PART = 0.5  # of the noise that is warned of: from then on an estimator steadies the flux linkage
+AVERAGED = 0.0075  # of the usual current: from such a noise on its means are used with a contact
+AGAIN = 2.0  # averaged operations, after an ordinary one
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
 
@@ -232,7 +233,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     is_plain = is_plain | is_there | (state.alarm > 0.0)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     balance_flux = sqrt(balance(z0, m))
-    is_noisy = wandering(state.coil, par) > AVERAGED * NOISY * balance_flux
+    is_noisy = state.coil.noise > AVERAGED * usual_current(par)
     is_noisy = where(is_closing, is_noisy, state.running.averaged > 0.0)  # an opening goes with its closing
     is_averaged = by_contact & is_noisy & (inputs.windows < 1.0)  # an estimator steadies better
     is_unexplained = starts_again & (state.alarm < 1.0)
@@ -248,7 +249,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             travel=law.travel,
             learnt=learnt,
             balance_flux=balance_flux,
-            averaged=where(is_averaged, state.running.averaged + where(is_plain, 0.0, 1.0), 0.0),
+            averaged=where(is_averaged, _averaged(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
             due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             last_age=state.running.age,
@@ -262,6 +263,11 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
         is_ready=where(starts_again, -1.0, where(is_closing & is_ready, 1.0, state.is_ready)),
         explained_well=where(starts_again, 0.0, state.explained_well),
     )
+
+
+def _averaged(count: Scalar, is_plain: Scalar) -> Scalar:
+    """With one more soft operation; an ordinary one tells of a change, and the means follow quickly again."""
+    return where(is_plain, where(count < AGAIN, count, AGAIN), count + 1.0)
 
 
 def _falls_back(state: State) -> Scalar:

@@ -13,7 +13,7 @@ from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, square, 
 GAIN = 2000.0  # of the flux linkage [1/s]
 ENDS = 1.01  # of the least square of a flux linkage: the profile wants less than none
 FRESH = 1e-3  # time after a limit of the voltage in which nothing is learnt [s]
-UNTIL = (1.2, 0.7)  # travels of a closing, an opening, after which a noisy current is used as it is
+UNTIL = (0.8, 0.6)  # travels of a closing, an opening, after which a noisy current is used as it is
 MEASURED, LASTING = 0.1, 0.05  # least share of that before; of an operation in the mean of the last ones
 
 

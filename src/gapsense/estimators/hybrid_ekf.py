@@ -39,6 +39,7 @@ LOWER, LIFTING, CONTACT, UPPER, FALLING = 0.0, 1.0, 2.0, 3.0, 4.0
 CURRENT, POSITION = range(2)
 PIECES, SUB_STEPS = 200, 64  # of a sampling interval, and of a piece of it in the air, at most
 H = (1.0, 0.0, 0.0)  # (3)
+ALIKE = 4.0  # variance in that of noise up to which operations count as alike but for noise: with 8 short ones are told
 
 
 class Orientation(Choice):
@@ -228,8 +229,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_used=is_used,
         leaves=leaves(state.alone.x_alone[POSITION], alone.x_alone[POSITION], 0.0, mod.s_max),
         is_edge=readings.is_edge(now.voltage - state.voltage, EDGE, par.noise_voltage),
+        voltage=now.voltage,
+        voltage_before=state.voltage,
     )
-    usual = compared(state.usual, seen, Limits(par.health_samples, par.health_limit, 0.0))
+    usual = compared(state.usual, seen, Limits(par.health_samples, par.health_limit, 0.0), ALIKE)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, std, WILD),

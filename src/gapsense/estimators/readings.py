@@ -14,8 +14,8 @@ from gapsense.kernels.layout import Scalar
 from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import fabs, where
 
-INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT, UNLEARNT = (
-    float(2**k) for k in range(11)
+INNOVATION, CURRENT_ERROR, SATURATION, BOUND, LOST, RESTARTED, STILL, OTHER, UNTOLD, IMPACT, UNLEARNT, CHANGING = (
+    float(2**k) for k in range(12)
 )
 CAUSES = {
     INNOVATION: "innovations larger than expected",
@@ -29,6 +29,7 @@ CAUSES = {
     UNTOLD: "noise or switching larger than told",
     IMPACT: "first impact perhaps missed by the contact",
     UNLEARNT: "device not learnt yet, operate it twice",
+    CHANGING: "what was learnt keeps changing",
 }
 WHY_NOT = "Why not, a sum of " + ", ".join(f"{bit:.0f}: {cause}" for bit, cause in CAUSES.items())
 JUMP = 6.0 * 2.0**0.5  # noises of a voltage's change that are no edge

@@ -43,6 +43,8 @@ from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
 from gapsense.kernels.linalg import deviation, diagonal, ldl, matrix, nonnegative, outer, pivot, total, vector
 from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, square, where
 
+ALIKE = 8.0  # variance in that of noise up to which healthy operations count as alike but for noise
+
 
 class Pair(NamedTuple):
     """Two points centre + even + odd and centre + even - odd."""
@@ -230,8 +232,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_used=has_current & is_sound,
         leaves=leaves(state.alone.x_alone[POSITION], alone.x_alone[POSITION], par.stop_lower, par.stop_upper),
         is_edge=readings.is_edge(voltage - state.voltage, EDGE, par.noise_voltage),
+        voltage=voltage,
+        voltage_before=state.voltage,
     )
-    usual = compared(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0))
+    usual = compared(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0), ALIKE)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, S, WILD),

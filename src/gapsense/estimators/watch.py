@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from gapsense.estimators.kalman import mean, normalised, surprise
-from gapsense.kernels.elementary import exp, log
+from gapsense.kernels.elementary import exp
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, sqrt, square, store, where
 
@@ -19,17 +19,18 @@ OPERATIONS = 3.0  # takeoffs until a sign is forgotten: between them lie a motio
 EARLY = 0.18  # share of the stroke that may be left when the contact closes
 EARLIER, LATER = 0.08, 0.15  # how much more than usual that may be; share of an operation with less in what is usual
 PULL = 0.5  # share of the spring's force with which a stop may seem to hold the mover back
-FEW, KNOWN = 4.0, 20.0  # operations after which what is usual is used, and after which they may be called alike
-ALIKE = 4.0  # largest range of a part in operations that are alike but for noise [deviations]
-RARE = 6e-4  # probability that a mean is too far beyond those of other operations where they are not alike
-WIDER, SLACK = 0.45, 0.2  # how far it may be beyond them in any case: part of the range, and so many deviations more
-ALIKE_WIDER, ALIKE_SLACK, BESIDE = 0.9, 0.5, 0.1  # the same where they are alike, with a share of the parts beside
 MOST = 1e3  # deviations as which a larger error of the model's current counts
-PARTS, PER_MEAN = 24, 4.0  # of an operation, and how many of them are as long as `Limits.samples`
-RESTING = PARTS // 2  # the part that begins at an edge of the voltage, before which the mover may rest for any time
+PARTS, PER_MEAN = 12, 4.0  # of half an operation, and how many of them are as long as `Limits.samples`
+HALF = PARTS + 1  # entries of half an operation: the last part has its largest and its smallest mean
+ENTRIES = 2 * HALF
+FEW, MANY = 5.0, 100.0  # operations from which a line is used, and over which it is learnt
+RARE = 4.5  # -log of about the probability that a mean is far from its line: twice this far in two parts, thrice in one
+SLACK = 0.1  # how far it may be beyond that [deviations]
+KNOWN, SURE = 10.0, 100.0  # operations from which on noise may be all that they differ by; as how many that counts
+ALIKE = (0.25, 3.0)  # variance of a part that is noise alone, in that of noise
+FLAT = 1e-3  # variance of the supply times operations that adds nothing to the slope [V2]
 EDGE = 1.0  # change of the voltage beyond its noise from which on an operation is compared from there [V]
 AWAY = 0.05  # share of the stroke within which the position of the model alone is at a stop
-FALL = 0.005  # share of an operation in what is usual, if it has less; one that has more is usual from then on
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
 
 
@@ -77,30 +78,43 @@ class Limits(NamedTuple):
 START = Watch(*[1.0, *[0.0] * 9, *[EARLY - EARLIER] * 2])
 
 
+class Line(NamedTuple):
+    """Means and variances over operations: what the error of the model's current is at a supply."""
+
+    n: Any  # operations
+    supply: Any  # mean [V]
+    error: Any  # mean [deviations of the noise]
+    supply_var: Any
+    covariance: Any
+    error_var: Any
+
+
 class Usual(NamedTuple):
     """How wrong the model's current usually is at each time of an operation: a wrong model has its own error in each.
 
     It is that of the model alone: a filter follows a fault with its flux linkage and hides it.  An operation lasts
-    until the mover of that model leaves the other stop, and consists of `PARTS`: half of them from its takeoff on, the
-    others from each edge of the voltage on; the last of either half is repeated.  The mean is compared where a part
-    ends, or at an edge: within one it may change fast.  Memory has the largest mean of each part, then the largest of
-    minus the mean, both plus `MOST`; 0: none yet.  What was seen in an operation becomes usual in the first samples of
-    the next one, which is compared with the other half of that memory.
+    until the mover of that model leaves the other stop.  Each of its halves, the one from its takeoff and the one from
+    an edge of the voltage on, has `PARTS`; the last one is repeated.  The mean is compared where a part ends, or at an
+    edge: within one it may change fast.  It is compared with a line over the supply, as the errors of a wrong model
+    depend on it.  What was seen in an operation is learnt in the first samples of the next one, which is compared with
+    the lines of the other side.
     """
 
     surprise: Scalar  # mean of the squared normalised innovation [1]
     bias: Scalar  # mean of the error of the model's current over half as many samples [deviations of the noise]
     samples: Annotated[Scalar, Count]  # since the takeoff, or since an edge of the voltage after it
     has_edge: Annotated[Scalar, Whole(0, 1)]  # flag: there was one
-    operations: Annotated[Scalar, Count]  # from which it is known what is usual
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
-    spread: Scalar  # largest range of a part that is not repeated [deviations of the noise]
-    learnt: Annotated[Scalar, Count]  # parts of either half of the last operation that became usual, or were dropped
+    supply: Scalar  # size of the voltage since it was switched on last [V]
+    spread: Scalar  # largest variance about the lines of the last operation, so far [1]
+    spread_before: Scalar  # and about those of the one before it, of the side of this one
+    learnt: Annotated[Scalar, Count]  # entries of either half of the last operation that were learnt, or dropped
     learns: Annotated[Scalar, Whole(0, 1)]  # flag: that operation had no sign
     innovation: Scalar  # takeoffs until this sign is forgotten, as the following
     other: Scalar
-    seen: Annotated[Array, Memory(2 * PARTS)]  # in this operation
-    usual: Annotated[Array, Memory(4 * PARTS)]  # from the lower stop on, then from the upper one on
+    apart: Scalar  # how far the last mean was from its line: 0, 1 or 2, with its sign
+    seen: Annotated[Array, Memory(2 * ENTRIES)]  # means of this operation plus `MOST`, 0: none; and the supplies
+    lines: Annotated[Array, Memory(len(Line._fields) * 2 * ENTRIES)]  # fields of `Line`, each of both sides
 
 
 class Now(NamedTuple):
@@ -111,11 +125,13 @@ class Now(NamedTuple):
     is_used: Scalar
     leaves: Scalar  # the stop that the mover of the model alone leaves in this sample, as a mode; 0: none
     is_edge: Scalar  # of the voltage
+    voltage: Scalar  # [V]
+    voltage_before: Scalar
 
 
 def unknown() -> Usual:
     """No operation so far."""
-    return blank(Usual, surprise=1.0, learnt=float(RESTING))
+    return blank(Usual, surprise=1.0, learnt=float(HALF))
 
 
 def is_far(innovation: Scalar, std: Scalar, most: Scalar) -> Scalar:
@@ -178,91 +194,135 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
     )
 
 
-def compared(before: Usual, now: Now, limits: Limits) -> Usual:
-    """One sample more.  What is usual is learnt from operations without a sign."""
+def compared(before: Usual, now: Now, limits: Limits, alike: float) -> Usual:
+    """One sample more.  What is usual is learnt from operations without a sign.
+
+    They are alike but for noise if no variance is more than `alike` times that of noise.
+    """
     is_over = is_takeoff(before.left, now.leaves)
     surprised = mean(before.surprise, square(clip(now.innovation, -FAR, FAR)), limits.samples)
     biased = mean(before.bias, clip(now.error, -MOST, MOST), 0.5 * limits.samples)
     surprised, biased = where(now.is_used, surprised, before.surprise), where(now.is_used, biased, before.bias)
     part, later = (floor((before.samples + k) * PER_MEAN / limits.samples) for k in (0.0, 1.0))
     ends = (later > part) | now.is_edge
-    half, first = before.has_edge * RESTING, where(before.left > 2.0, 2.0 * PARTS, 0.0)
-    part = half + clip(part, 0.0, RESTING - 1.0)
-    has_more = before.learnt < RESTING
-    seen, usual, spread = cond(
-        has_more, lambda: _learnt(before, 2.0 * PARTS - first), lambda: (before.seen, before.usual, before.spread)
+    half, first = before.has_edge * HALF, where(before.left > 2.0, float(ENTRIES), 0.0)
+    is_last = part >= PARTS - 1.0
+    high = half + where(is_last, PARTS - 1.0, part)
+    low = high + where(is_last, 1.0, 0.0)
+    has_more = before.learnt < HALF
+    seen, lines, spread = cond(
+        has_more, lambda: _learnt(before, ENTRIES - first), lambda: (before.seen, before.lines, before.spread)
     )
 
+    noise = 1.0 / larger(limits.samples - 1.0, 1.0)
+    reading = Reading(before.supply, biased, noise, before.spread_before < alike * noise)
+
     def ended() -> tuple[Array, Scalar]:
-        is_alike = (before.operations >= KNOWN) & (spread <= ALIKE)
-        n = larger(floor(0.5 * before.operations), 0.5 * FEW)
-
-        def is_unusual(beside: float, more: Scalar, slack: float) -> Scalar:
-            above, below = (_most(usual, first, part, half, k * PARTS, beside) for k in (0, 1))
-            most = more * (above + below - 2.0 * MOST) + slack
-            return (MOST + biased > above + most) | (MOST - biased > below + most)
-
-        is_beyond = is_unusual(1.0, where(is_alike, WIDER, larger(beyond(n), WIDER)), SLACK)
-        is_beyond = is_beyond | (is_alike & is_unusual(BESIDE, ALIKE_WIDER, ALIKE_SLACK))
-        is_known = (before.operations >= FEW) & (before.left > 0.0) & (load(usual, first + part) > 0.0)
+        above = _far(lines, first, high, half, reading)
+        below = cond(is_last, lambda: _far(lines, first, low, half, reading), lambda: above)
+        value, is_new = MOST + biased, not_(load(seen, high) > 0.0)
         noted = seen
-        for k, value in enumerate((MOST + biased, MOST - biased)):
-            noted = store(noted, part, larger(load(noted, part, k * PARTS), value), k * PARTS)
-        return noted, where(is_known & is_beyond, 1.0, 0.0)
+        for k, sign in ((high, 1.0), (low, -1.0)):
+            old = load(noted, k)
+            is_more = not_(old > 0.0) | (is_last & (sign * value > sign * old))
+            noted = store(noted, k, where(is_more, value, old))
+            noted = store(noted, k, where(is_new, before.supply, load(noted, k, ENTRIES)), ENTRIES)
+        far = where(above > 0.0, above, where(below < 0.0, below, 0.0))
+        return noted, where((is_new | is_last) & (before.left > 0.0), far, 0.0)
 
-    seen, is_other = cond(ends, ended, lambda: (seen, 0.0))
+    seen, far = cond(ends, ended, lambda: (seen, before.apart))
+    is_other = ends & ((far * before.apart > 0.0) | (fabs(far) > 1.0))
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0) & not_(has_more)
+    is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
     return Usual(
         surprise=surprised,
         bias=biased,
         samples=where(is_over | now.is_edge, 0.0, before.samples + 1.0),
         has_edge=where(is_over, 0.0, where(now.is_edge, 1.0, before.has_edge)),
-        operations=before.operations + where(is_over & is_learnt, 1.0, 0.0),
         left=where(is_over, now.leaves, before.left),
-        spread=spread,
+        supply=where(is_on, fabs(now.voltage), before.supply),
+        spread=where(is_over, 0.0, spread),
+        spread_before=where(is_over, spread, before.spread_before),
         learnt=where(is_over, 0.0, before.learnt + where(has_more, 1.0, 0.0)),
         learns=where(is_over, where(is_learnt, 1.0, 0.0), before.learns),
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),
-        other=lasting(before.other, is_other > 0.0, is_over),
+        other=lasting(before.other, is_other, is_over),
+        apart=far,
         seen=seen,
-        usual=usual,
+        lines=lines,
     )
 
 
-def beyond(n: Scalar) -> Scalar:
-    """How far a value may be beyond `n` others, in their range: k, so that 2 / (n + 1) (1 + k)^(1 - n) is `RARE`.
+class Reading(NamedTuple):
+    """A mean that is compared with its line."""
 
-    That is the probability that it is farther, if all are spread evenly between two bounds that nobody knows.
+    supply: Any
+    error: Any
+    noise: Any  # variance of the mean by noise alone
+    is_alike: Any  # such operations may differ by noise alone
+
+
+def _line(lines: Array, at: Scalar) -> Line:
+    """The line of an entry."""
+    return Line(*(load(lines, at, k * 2 * ENTRIES) for k in range(len(Line._fields))))
+
+
+def _slope(line: Line) -> tuple[Scalar, Scalar, Scalar]:
+    """Slope of a line [deviations/V], variance of the supply that it is from, and variance about the line."""
+    spread = line.supply_var + FLAT / larger(line.n, 1.0)
+    slope = line.covariance / spread
+    return slope, spread, larger(line.error_var - slope * line.covariance, 0.0)
+
+
+def _far(lines: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading) -> Scalar:
+    """How far an error is from the line of its entry, with its sign; 0: not far, or there is no line yet.
+
+    It is if it is t deviations of the prediction from n operations off, t^2 = m (exp(2 k RARE / m) - 1) with m = n - 2,
+    which is about as rare for any n in Student's distribution; 1 with k = 2, 2 with k = 3.  The variance is the largest
+    of an entry and of those beside it: with another supply the mover comes sooner or later, which is no line.
     """
-    return exp(log(2.0 / (RARE * (n + 1.0))) / (n - 1.0)) - 1.0
+    own = _line(lines, first + entry)
+    slope, spread, variance = _slope(own)
+    for side in (-1.0, 1.0):
+        beside = _line(lines, first + clip(entry + side, half, half + PARTS))
+        variance = larger(variance, _slope(beside)[2])
+    n, away = larger(own.n, FEW), at.supply - own.supply
+    is_noise = at.is_alike & (own.n >= KNOWN) & (variance > ALIKE[0] * at.noise) & (variance < ALIKE[1] * at.noise)
+    m, each = where(is_noise, SURE, n - 2.0), where(is_noise, at.noise / n, variance / (n - 2.0))
+    off = at.error - own.error - slope * away
+    beyond = fabs(off) - SLACK
+    unit = m * each * (n + 1.0 + square(away) / spread)
+    one = square(exp(2.0 * RARE / m))
+    size = where(square(beyond) > (one * exp(2.0 * RARE / m) - 1.0) * unit, 2.0, 1.0)
+    is_far = (own.n >= FEW) & (beyond > 0.0) & (square(beyond) > (one - 1.0) * unit)
+    return where(is_far, where(off > 0.0, size, -size), 0.0)
 
 
-def _most(usual: Array, first: Scalar, part: Scalar, half: Scalar, k: int, beside: float) -> Scalar:
-    """The most of a part, and a share of what those beside it in the same half have more.
-
-    With another supply the mover comes sooner; where operations are alike, it comes when it came before.
-    """
-    before, after = (load(usual, first + clip(part + e, half, half + (RESTING - 1.0)), k) for e in (-1.0, 1.0))
-    own = load(usual, first + part, k)
-    return own + beside * (larger(larger(before, after), own) - own)
-
-
-def _learnt(before: Usual, first: Scalar) -> tuple[Array, Array, Scalar]:
-    """A part more of either half of the last operation is usual: the most so far, slowly less; and its spread.
+def _learnt(before: Usual, side: Scalar) -> tuple[Array, Array, Scalar]:
+    """The lines with an entry more of either half of the last operation, which is then forgotten.
 
     One in each sample, as all at once take long on a microcontroller; this operation comes to each of them later.
     """
-    seen, usual, spread = before.seen, before.usual, before.spread
-    for half in (0.0, float(RESTING)):
-        k, width = half + before.learnt, -2.0 * MOST
-        for side in (0, PARTS):
-            new, old = load(seen, k, side), load(usual, first + k, side)
-            is_new = (before.learns > 0.0) & (new > 0.0)
-            now = where(is_new, where(new > old, new, old + FALL * (new - old)), old)
-            seen, usual, width = store(seen, k, 0.0, side), store(usual, first + k, now, side), width + now
-        is_repeated = before.learnt == RESTING - 1.0
-        spread = where(is_repeated, spread, larger(spread, width))
-    return seen, usual, spread
+    seen, lines, spread = before.seen, before.lines, before.spread
+    for half in (0.0, float(HALF)):
+        k = half + before.learnt
+        line, value, supply = _line(lines, side + k), load(seen, k), load(seen, k, ENTRIES)
+        is_new = (before.learns > 0.0) & (value > 0.0)
+        n = where(line.n < MANY, line.n + 1.0, MANY)
+        du, de = supply - line.supply, value - MOST - line.error
+        rest = 1.0 - 1.0 / n
+        taught = Line(
+            n=n,
+            supply=line.supply + du / n,
+            error=line.error + de / n,
+            supply_var=rest * (line.supply_var + du * du / n),
+            covariance=rest * (line.covariance + du * de / n),
+            error_var=rest * (line.error_var + de * de / n),
+        )
+        seen, spread = store(seen, k, 0.0), larger(spread, _slope(taught)[2])
+        for j, (new, old) in enumerate(zip(taught, line)):
+            lines = store(lines, side + k, where(is_new, new, old), j * 2 * ENTRIES)
+    return seen, lines, spread
 
 
 def larger(a: Scalar, b: Scalar) -> Scalar:

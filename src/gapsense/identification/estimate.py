@@ -19,6 +19,7 @@ from gapsense._os.files import write_atomically, write_columns
 from gapsense._os.workers import Progress
 from gapsense.cosim.fmu.descriptions import describe
 from gapsense.cosim.fmu.feed import feed
+from gapsense.estimators.readings import CAUSES
 from gapsense.fmi.components import find_components, kernel_parameters, load_component, own
 from gapsense.fmi.ports import Component
 from gapsense.fmi.values import problems
@@ -347,7 +348,7 @@ SHOWN = (2.0, 98.0)  # percentiles of the estimates that the axes show at least
 
 
 def estimate_tables(estimates: Sequence[Estimate]) -> list[Table | str]:
-    """Last values of every estimator, and the parameters that were set."""
+    """Last values of every estimator, whether it trusts them, and the parameters that were set."""
     rows, said = [], []
     for e in estimates:
         last = {q: quantity(float(e.outputs[q][-1]), u) for q, u in QUANTITIES.items() if q in e.outputs}
@@ -357,7 +358,23 @@ def estimate_tables(estimates: Sequence[Estimate]) -> list[Table | str]:
         if e.unset:
             starts = list_values(e.unset, BY_NAME, e.unset)
             said.append(f"{e.name}, not given, so the component's own start values are used: {starts}.")
-    return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *said]
+    trusted = [trust(e) for e in estimates if "health_causes" in e.outputs]
+    return [table("Estimates at the end of the record", ("estimator", *QUANTITIES), rows), *trusted, *said]
+
+
+def trust(estimate: Estimate) -> str:
+    """In how many samples an estimator trusts itself, and why it does not in the others."""
+    is_fine, causes = estimate.outputs["health"] > HEALTHY, estimate.outputs["health_causes"].astype(int)
+    shares = {text: float(np.mean(causes & int(bit) > 0)) for bit, text in CAUSES.items()}
+    why = ", ".join(f"{text} ({_percent(share)})" for text, share in shares.items() if share)
+    said = f"{estimate.name}: `health` is 1 in {_percent(float(is_fine.mean()))} of the samples"
+    said = f"{said}; 0 for: {why}." if why else f"{said}."
+    if "windows" in estimate.outputs and not estimate.outputs["windows"][-1]:
+        said += (
+            " No window was solved, so that there are no smoothed values, and `landing_time` and `impact_speed` say"
+            " nothing: the record ends too early after its landing, or nothing moved, or the model is another one."
+        )
+    return said
 
 
 def repeat_assumed(values: Mapping[str, Value], assumed: Sequence[str]) -> list[str]:

@@ -32,7 +32,16 @@ from gapsense.estimators.mhe.model import (
     point,
     with_device,
 )
-from gapsense.estimators.mhe.solve import LOGARITHMS, USUAL_EFFORT, is_lost, is_untypical, wait, work_on
+from gapsense.estimators.mhe.solve import (
+    LOGARITHMS,
+    USUAL_EFFORT,
+    is_lost,
+    is_untypical,
+    is_wandering,
+    suspect,
+    wait,
+    work_on,
+)
 from gapsense.estimators.mhe.window import (
     DOUBTFUL,
     LARGE,
@@ -56,6 +65,7 @@ from gapsense.estimators.mhe.window import (
     put,
 )
 from gapsense.estimators.readings import (
+    CHANGING,
     CURRENT,
     INNOVATION,
     JUMP,
@@ -107,6 +117,8 @@ BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of t
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
 LITTLE, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
 FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
+SETTLED_SHARE = 0.52  # of the variance of a mean innovation that noise makes, where a device has settled
+PLACED_WELL = 0.0055  # of `window.tail`: deviation of edges that hardly change what is learnt
 
 
 class Held(NamedTuple):
@@ -211,8 +223,8 @@ class Operation(NamedTuple):
     """The last operation that was solved, and its window."""
 
     takeoff_time: Scalar = output("s", "Last sample at rest before the last motion that was solved", nominal=1e-2)
-    landing_time: Scalar = output("s", "Its first landing", nominal=1e-2)
-    impact_speed: Scalar = output("m/s", "Speed before that landing", min=0.0)
+    landing_time: Scalar = output("s", "Its first landing; before any, that of the first sample", nominal=1e-2)
+    impact_speed: Scalar = output("m/s", "Speed before that landing; 0 before any", min=0.0)
     bounces: Scalar = output("1", "Landings after the first one in the same window", min=0.0)
     windows: Scalar = output("1", "Windows solved so far", min=0.0)
     misfit: Scalar = output("1", "Cost of the last window over what noise and model error make", min=0.0)
@@ -286,6 +298,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     # what the innovation says: is the operation strange, is the current to be fed back (10)
     seen = _see(state, inputs, now, before, innovation)
     watch = watch_operation(watch, seen, at, work.learnt, m, par)
+    is_unlikely = is_too_large(watch.surprise, work.learnt, par, of_noise=SETTLED_SHARE)
+    is_suspect = is_unlikely & is_well_learnt(watch, work.learnt, par)
+    work = work._replace(learnt=when(is_suspect, suspect, work.learnt))
     lasts = where(news.is_other, 0.0, state.follow.lasts)  # the innovations so far were those of another device
     follow = state.follow._replace(covariance=covariance, lasts=lasts)
     coil = partial(_coil, held, now.is_edge, watch, work.learnt, m, par)
@@ -430,6 +445,7 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
             OTHER: is_untypical(work.fit.q_prior, par),
             UNTOLD: is_untold(watch, told),
             UNLEARNT: is_unlearnt(watch, par),
+            CHANGING: is_wandering(work.learnt) & is_well_learnt(watch, work.learnt, par),
         }
     )
 
@@ -819,10 +835,12 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     )
 
 
-def is_too_large(mean: Scalar, learnt: Learnt, par: Parameters, is_easy: Scalar = False) -> Scalar:
+def is_too_large(
+    mean: Scalar, learnt: Learnt, par: Parameters, is_easy: Scalar = False, of_noise: float = 1.0
+) -> Scalar:
     """Whether the mean of some innovations is more than a healthy device has; `is_easy`: the model has less error."""
     error = where(is_easy, EASY, 1.0) * par.model_error
-    usual = sqrt(square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(error))
+    usual = sqrt(of_noise * square(par.noise_current) * (0.5 * RECENT + square(LEARNT)) + square(error))
     most, known = where(is_set(par.option_further), STRANGE_SOFT, STRANGE), _known(par)
     young = YOUNG / square(where(learnt.explained >= known, learnt.explained, known))
     return fabs(mean) > (1.0 + young) * most * usual
@@ -860,6 +878,15 @@ def _place_edge(before: Edge, spread: Scalar, seen: Seen, rests: Scalar, now: Po
     left = variance / (1.0 + informs * slope * variance)
     place = place + left * informs * (seen.innovation - slope * place)
     return Edge(clip(place, -0.5, 0.5), left, faded)
+
+
+def is_well_learnt(watch: Watch, learnt: Learnt, par: Parameters) -> Scalar:
+    """Whether a device is learnt so well that less tells a fault; not where edges are anywhere, which changes it, too.
+
+    With `option.further` landings as soft as one likes leave much unlearnt.
+    """
+    is_placed = square(par.sample_time) * watch.spread < square(PLACED_WELL * par.window_tail)
+    return is_set(learnt.is_settled) & is_placed & not_(_is_pulsed(watch) | is_set(par.option_further))
 
 
 def is_strange(watch: Watch) -> Scalar:

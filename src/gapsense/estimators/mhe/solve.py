@@ -68,7 +68,7 @@ from gapsense.estimators.mhe.window import (
 )
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.linalg import deviation, diagonal, outer, swept, vector
+from gapsense.kernels.linalg import deviation, diagonal, outer, swept, total, vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, load, not_, sqrt, square, store, when, where
 
 LOGARITHMS = 9  # the first corrections are logarithms
@@ -96,6 +96,9 @@ PATIENCE = 3.0  # windows in a row that nothing explains until it goes back
 PROOF = 2.0  # windows, a closing and an opening, that must be explained after a new beginning: the first may be a fault
 LONGER = 2.0  # times the usual backlog, where a window is made longer after a new beginning
 WITHIN = 0.75  # of the tail that must be left of it, or the motion has turned out to end later
+# changes of the corrections over the expected ones that are usual; their surplus: of one window at most, what is not
+# usual, and the largest that is remembered; windows until a device can have settled
+USUAL_CHANGE, ONE_SURPLUS, SURPLUS, MOST_SURPLUS, SETTLES = 1.7, 5.0, 8.0, 15.0, 16.0
 JUMP = 0.03  # of R: a held voltage says better where to start
 
 Starts = tuple[dict[int, float], ...]
@@ -178,6 +181,16 @@ def is_untypical(corrections: Array, par: Parameters) -> Scalar:
     for q, s in zip(get(corrections, START), priors(par)):
         is_far = (fabs(q) > FAR * s) | is_far
     return is_far
+
+
+def is_wandering(learnt: Learnt) -> Scalar:
+    """Whether windows one after another change the corrections more than noise and what is known allow."""
+    return learnt.surplus > SURPLUS
+
+
+def suspect(learnt: Learnt) -> Learnt:
+    """An innovation that is unlikely is as much as one such window."""
+    return learnt._replace(surplus=where(learnt.surplus < ONE_SURPLUS, ONE_SURPLUS, learnt.surplus))
 
 
 # a sample
@@ -636,10 +649,12 @@ def _tell(work: Work, misfit: Scalar, time: Scalar, par: Parameters) -> Learnt:
 def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     """The posterior, wider by misfit and drift (8), is to become the next prior."""
     fit, old = work.fit, work.learnt
-    P = _widening(misfit, old, par) * (1.0 + damping(work, fit.shortenings, par)) * -get_matrix(fit.normal)
+    posterior = -get_matrix(fit.normal)
+    P = _widening(misfit, old, par) * (1.0 + damping(work, fit.shortenings, par)) * posterior
     deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
-    d = get(fit.q, N) - get(fit.q_prior, N)
-    change = (d @ (get_matrix(fit.prior) @ d) - EXPECTED) / SURPRISING
+    d, Pi = get(fit.q, N) - get(fit.q_prior, N), get_matrix(fit.prior)
+    changed = d @ (Pi @ d)
+    change = (changed - EXPECTED) / SURPRISING
     share = where(is_set(par.option_further), square(clip(change, 0.0, 1.0)), 0.0)
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
         most = variance + share * square(s) if k in SUDDEN else variance
@@ -647,6 +662,10 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
     moved = flag(has_moved(work.walk))
+    expected = float(N) - total(posterior[k] @ Pi[k] for k in range(N))  # of what the window changes (12)
+    more = changed - USUAL_CHANGE * expected
+    surplus = clip(old.surplus + where(more < ONE_SURPLUS, more, ONE_SURPLUS), 0.0, MOST_SURPLUS)
+    settles = (moved > 0.0) & (old.explained >= SETTLES - 1.0) & (surplus <= 0.0)
     return work._replace(
         phase=Phase.renewing,
         fit=fit._replace(q=store(fit.q, START, 0.0), normal=put_matrix(fit.normal, P), pivots_done=0.0),
@@ -655,6 +674,8 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
             explained=old.explained + moved,
             doubt=where(moved > 0.0, _doubt(misfit, old), old.doubt),
             deviations=deviations,
+            surplus=where(moved > 0.0, surplus, old.surplus),
+            is_settled=where(settles, 1.0, old.is_settled),
         ),
     )
 

@@ -162,6 +162,8 @@ class Learnt(NamedTuple):
     rejected: Scalar = 0.0  # windows in a row that nothing explained; below 0: so many must be after a new beginning
     explained: Scalar = 0.0  # windows with a motion that were
     doubt: Scalar = UNSEEN  # whether the eddy currents of (1) are other ones, from 0 to 1
+    surplus: Scalar = 0.0  # by which windows of late changed the corrections more than they should have
+    is_settled: Scalar = 0.0  # flag: there was none once enough were explained
 
 
 class Work(NamedTuple):

@@ -30,6 +30,7 @@ DOUBTED = {  # fields that go with the places, and what `Mhe` knows of them befo
     "core_hysteresis": "prior_hysteresis",
 }
 MATTERS = 5e-3  # of the stroke: an error of the position that half a sampling period makes
+WORTH = 0.01  # the same, from which it is told
 TOLD = 0.2  # sampling periods: standard errors of places that are told
 LEFT = 0.4  # part of that error that is left where they do not help
 MOST = 40  # edges that are placed
@@ -58,13 +59,11 @@ def place_edges(record: Record, known: Parameters) -> Record:
     places, errors = find_places(par, drive)
     left = shift(par, drive, places, errors)
     if left > LEFT * off:
-        return record._replace(
-            remarks=(
-                *record.remarks,
-                f"{said}. Nor do the currents, for eddy currents, coil and gap are too uncertain. Sample faster, or"
-                " know these better, from `gapsense commission`.",
-            )
+        told = (
+            f"{said}. Nor do the currents, by the priors and `model.error` of `Mhe`. Sample faster, or know coil, core"
+            " and gap better."
         )
+        return record._replace(remarks=(*record.remarks, told)) if off > WORTH * stroke else record
     voltage, means = record.voltage.copy(), drive.voltage(places).reshape(-1, drive.parts).mean(axis=1)
     first = drive.first + 1
     voltage[first:] = read.applied[first:]

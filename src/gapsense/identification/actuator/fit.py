@@ -119,7 +119,7 @@ class Problem(NamedTuple):
     def limits(self) -> tuple[Vector, Vector]:
         """Lowest and highest point."""
         places = self.deviations.size - len(self.names)
-        high = np.append([furthest(deviation) for deviation in self.believed.values()], np.ones(places))
+        high = np.append([furthest(*each) for each in self.believed.items()], np.ones(places))
         return -high, high
 
     def residuals(self, points: Sequence[Vector]) -> Matrix:
@@ -191,9 +191,9 @@ NEAR = 0.999  # part of it that is at the limit
 PROMISES = 0.1  # part of the cost, by which a minimum is none
 
 
-def furthest(deviation: float) -> float:
+def furthest(name: str, deviation: float) -> float:
     """How far a logarithm may go: losses are guesses, up to solid cores."""
-    return GUESSED if deviation >= 1.0 else FURTHEST
+    return GUESSED if deviation >= 1.0 or name == "core_turnover" else FURTHEST
 
 
 CAUSES = {
@@ -443,7 +443,9 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
         believed=p.believed,
         steps=steps,
         promise=promise(p, x, J, r),
-        at_limit=[name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * furthest(p.believed[name])],
+        at_limit=[
+            name for name, ratio in zip(p.names, x.tolist()) if abs(ratio) > NEAR * furthest(name, p.believed[name])
+        ],
     )
 
 

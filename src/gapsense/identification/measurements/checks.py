@@ -33,6 +33,10 @@ def time_problems(columns: Columns) -> Iterator[str]:
     wrong, usual = uneven(t)
     if wrong.size and rounding(t) > 0.0:
         return
+    if usual <= 0.0:
+        said = f"{file}: `time` {'falls' if usual < 0.0 else 'does not change'} from row to row, it is to rise."
+        yield f"{said} Sort the rows, or name another column with `--column time=NAME`."
+        return
     steps = np.diff(t)
     for k in wrong[:SHOWN]:
         yield (

@@ -19,6 +19,8 @@ HALF = 0.75  # steps of a converter; it hides half a step at most
 LEVELS = 16  # values of a signal, from which their smallest difference is a step of a converter
 CUT, FEW = 0.25, 4  # part of the samples at rest that are the smallest one, and how many are no chance
 ONE_WAY = 5.0  # times the largest positive current, from which a negative one is the current of the coil
+ON = 0.5  # of the largest voltage: more is held
+COARSEST = 0.02  # step of a converter relative to the range; what is coarser are levels of the drive
 FEWEST_AT_REST = 8  # samples at rest that tell an offset
 
 
@@ -63,6 +65,21 @@ def remaining(record: Record) -> dict[str, float]:
         if name not in errors and n >= FEWEST_AT_REST and not np.ptp(x[:n]) and np.unique(x).size > LEVELS:
             errors[name] = hidden(x)
     return errors
+
+
+def hidden_level(v: Vector, i: Vector) -> float:
+    """Standard error of a voltage that is held, relative to it, by what a converter hides; noise of a step tells all.
+
+    Noise that reaches but one other step tells nothing.  Of a voltage that shows none of its steps these are taken for
+    those of the current.
+    """
+    on = v[v > ON * v.max()]
+    held = on[np.abs(on - np.median(on)) < COARSEST * np.ptp(v)]
+    step = resolution(v) if np.ptp(held) else resolution(i) * float(np.ptp(v) / np.ptp(i))
+    if not step < COARSEST * np.ptp(v):
+        return 0.0
+    spread = held.std() if np.unique(held).size > 2 else 0.0
+    return float(step / np.sqrt(12.0) * np.exp(-2.0 * (np.pi * spread / step) ** 2) / np.mean(held))
 
 
 def unipolar(record: Record) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.identification.measurements.low_pass import Filtered, Ramp, find_low_pass
+from gapsense.identification.measurements.signals import noise
 from gapsense.identification.options import SHARP
 
 Vector = npt.NDArray[np.float64]
@@ -70,20 +71,33 @@ def place_jumps(
 
 def ends(v: Vector, i: Vector) -> Iterator[tuple[int, float]]:
     """Samples before which a clamp ends with the current, and after which part of the interval it does."""
+    yield from ((k, part) for k, part, _ in seen_ends(v, i) if part is not None)
+
+
+def seen_ends(v: Vector, i: Vector) -> Iterator[tuple[int, float | None, float]]:
+    """The same with the standard error of each part, those that noise or the bend of the current hides included."""
+    sigma = noise(i)
     sign = float(np.sign(i[int(np.argmax(np.abs(i)))]))
     is_clamped = sign * v < -CLAMP * np.abs(v).max()
     last = np.flatnonzero(is_clamped[LINE - 1 : -LINE] & ~is_clamped[LINE : 1 - LINE]) + LINE
     for k in last.tolist():
-        if is_clamped[k - LINE : k].all() and (part := _end(sign * i[k - LINE : k + LINE])) is not None:
-            yield k, part
+        if is_clamped[k - LINE : k].all():
+            yield k, *_end(sign * i[k - LINE : k + LINE], sigma)
 
 
-def _end(i: Vector) -> float | None:
-    """Where a falling current is zero, after the first half of some samples; None if noise or its bend hides it."""
+def _end(i: Vector, sigma: float) -> tuple[float | None, float]:
+    """Where a falling current is zero, after the first half of some samples, or None if noise or its bend hides it.
+
+    With the standard error by noise `sigma` of the line that leads there; what is hidden is anywhere in the interval.
+    """
     before, after = i[:LINE] - np.median(i[LINE:]), i[LINE:]
     slope, last = np.polyfit(STEPS, before, 1)
     hidden = max(float(np.ptp(after)), float(np.ptp(before - slope * STEPS)))
-    return min(float(last / -slope), 1.0) if last > 0.0 and -slope > CLEAR * hidden else None
+    if last <= 0.0 or -slope <= CLEAR * hidden:
+        return None, 12.0**-0.5
+    part = min(float(last / -slope), 1.0)
+    line = 1.0 / LINE + (part - STEPS.mean()) ** 2 / (LINE * STEPS.var())
+    return part, float(sigma / -slope * np.sqrt(line + 1.0 / LINE))
 
 
 UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1", "temperature": "degC"}

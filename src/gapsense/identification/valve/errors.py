@@ -33,6 +33,7 @@ from gapsense.identification.causes import (
     ANYWHERE,
     CAUSES,
     HIDDEN,
+    PLACE,
     Signals,
     apply_causes,
     cause,
@@ -41,7 +42,8 @@ from gapsense.identification.causes import (
 )
 from gapsense.identification.least_squares import Matrix, Vector, differences, independent, long_run, rms
 from gapsense.identification.measurements.operations import Operation, trapezoid
-from gapsense.identification.measurements.prepare import remaining
+from gapsense.identification.measurements.prepare import hidden_level, remaining
+from gapsense.identification.measurements.record import seen_ends
 from gapsense.identification.residual import Residual
 from gapsense.identification.valve.form import FACTOR, SHAPE, Device, Form, multiply, replace_values, value_of
 from gapsense.identification.valve.minimise import Fit, Weighted
@@ -354,7 +356,7 @@ def uncertainty(
     The places of edges are the last of these; their errors are in those of all else, but not told.
     """
     doubts = doubts or Doubts()
-    hidden = [name for name in HIDDEN if doubts.causes.get(name)]
+    hidden = [name for name, x in doubts.causes.items() if x and (name in HIDDEN or is_place(name))]
     known = (*fitted, *["eddy"] * ("core_eddy" in form.fitted))
     if all(o.held for e in experiments for o in e.operations):
         known = (*known, "series")  # which nothing tells from the coil's while this is on all the time
@@ -438,8 +440,15 @@ def doubts(prepared: Prepared, residuals: Sequence[Residual], accuracy: Mapping[
     }
     drift = {"drift": rms(x) if (x := np.concatenate(changes)).size else 0.0}
     carriers = prepared.carriers
+    ends = {
+        f"{PLACE}{k}.{sample}": error
+        for k, r in enumerate([] if any(r.is_mean for r in prepared.records) else prepared.records)
+        for sample, _, error in seen_ends(r.voltage, r.current)
+    }
+    level = rms(np.array([hidden_level(r.voltage, r.current) for r in prepared.records])) / len(rest) ** 0.5
+    scales = {**accuracy, "voltage": float(np.hypot(accuracy.get("voltage", 0.0), level))}
     means = {"switched": max(c.doubt for c in carriers), "delay": max(c.late for c in carriers)} if carriers else {}
-    return Doubts(misfits, errors | drift | drops | means | {**accuracy}, {"series"} - {*prepared.drive})
+    return Doubts(misfits, errors | drift | drops | means | ends | scales, {"series"} - {*prepared.drive})
 
 
 def _beyond_noise(

@@ -169,6 +169,7 @@ EDDY = 0.01  # R g_e of a first guess
 HYSTERESIS = 0.05  # I_h of it, in currents lambda_sat R_iron0 / N^2
 SCALES = {GapLaw.linear: "gap_slope", GapLaw.fringing: "gap_area", GapLaw.table: "gap_file_reluctance"}
 LOSSES = ("core_eddy", "core_hysteresis", "core_turnover")
+MAGNETISED = "magnetised"  # of a form with hysteresis
 
 
 class Sought(NamedTuple):
@@ -207,10 +208,16 @@ def larger(form: Form, sought: Sought) -> list[Form]:
         device, guesses = ADDED[name](form)
         guesses |= {n: guess for n, guess in sought.guesses.items() if n in guesses and guess > 0.0}
         if name not in form.added and guesses and next(iter(guesses)) not in sought.held:
-            found.append(
-                _more(form, name, replace_values(device, **guesses), [n for n in guesses if n not in sought.held])
-            )
+            made = _more(form, name, replace_values(device, **guesses), [n for n in guesses if n not in sought.held])
+            found += [made, _magnetised(made)] if "hysteresis" in made.added else [made]
     return found
+
+
+def _magnetised(form: Form) -> Form:
+    """The form whose core keeps, at the start, the flux of an operation before the record; or none, if it did."""
+    others, was = tuple(name for name in form.added if name != MAGNETISED), MAGNETISED in form.added
+    known = replace_values(form.known, core_remanence=0.0 if was else 1.0)
+    return form._replace(known=known, added=others if was else (*others, MAGNETISED))
 
 
 def with_eddy(form: Form) -> tuple[Device, dict[str, float]]:

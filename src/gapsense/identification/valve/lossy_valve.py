@@ -35,6 +35,7 @@ class Parameters(NamedTuple):
     core_hysteresis: Scalar  # I_h, largest h [A]
     core_turnover: Scalar  # l_h, flux linkage in which h turns over [Wb]
     coil_factor: Scalar  # of the resistance; (23) is wrong where the core stays magnetised [1]
+    core_remanence: Scalar = 0.0  # what is left of I_h at the start, as after an operation: 0 to 1 [1]
 
 
 class State(NamedTuple):
@@ -54,9 +55,11 @@ class Outputs(NamedTuple):
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """At rest, demagnetised."""
+    """At rest without current, with the flux that hysteresis keeps."""
     valve, seen = solenoid_valve.initial(inputs, par.valve)
-    return State(valve, seen.current, 0.0), Outputs(0.0, seen.flux_linkage, seen.position)
+    left = par.core_remanence * par.core_hysteresis
+    lam = left * seen.inductance
+    return State(valve._replace(flux_linkage=lam), left, -left), Outputs(0.0, lam, seen.position)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:

@@ -470,6 +470,7 @@ def take_out_causes(record: Record, convention: str = "", is_sharp: bool = False
 
 
 FARTHEST = 10.0  # ratio of the inductances; the search stays within a factor of 5 of each parameter
+THOUSANDS = 300.0  # likewise, from which a prefix of a unit is wrong
 PROBE = 1e-6  # voltage [V] and time [s] that bring hardly any flux
 
 
@@ -478,10 +479,14 @@ def check_guess(known: Parameters, records: Sequence[Record], period: float | No
     guessed, problems = inductance(known), []
     for record in records:
         found = coil(record, operations(record, period)[0])[0]
-        if not 1.0 / FARTHEST < found / guessed < FARTHEST:
+        ratio = found / guessed
+        if not 1.0 / FARTHEST < ratio < FARTHEST:
+            said = f"{record.name}: its inductance is about {quantity(found, 'H')}, that of the first guess"
+            said += f" {quantity(guessed, 'H')}: "
+            if ratio < 0.0 or not 1.0 / THOUSANDS < ratio < THOUSANDS:
+                said += "look at the units in the heads of its columns, and whether two are swapped. Or "
             problems.append(
-                f"{record.name}: its inductance is about {quantity(found, 'H')}, that of the first guess"
-                f" {quantity(guessed, 'H')}: it is another device, too far for the search. Give a guess with"
+                f"{said}it is another device, too far for the search. Give a guess with"
                 " `--parameters`, `coil.turns` and `core.reluctance` above all, or see what `gapsense inspect` says."
             )
     if problems:

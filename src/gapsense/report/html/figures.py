@@ -144,13 +144,13 @@ def panel(of: Panel, axes: Axes, key: str) -> Drawn:
         legend.append(entry)
         shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
     fit(made)
-    remark = (of.note + few(shown, rows)).strip()
+    remark = "; ".join(filter(None, (of.note, few(shown, rows))))
     return Drawn(figure=made, key=key, label=of.title, unit=unit, legend=tuple(legend), remark=remark)
 
 
 def few(shown: int, rows: int) -> str:
     """What is said where not all rows of a record are drawn."""
-    return f" {shown} of {rows} points, least and greatest of each piece" if shown < rows else ""
+    return f"{shown} of {rows} points, least and greatest of each piece" if shown < rows else ""
 
 
 def fit(made: Any) -> None:
@@ -262,7 +262,7 @@ def tube(of: Difference, axes: Axes, key: str) -> tuple[Drawn, Drawn]:
     over, under = empty(axes, HEIGHT), empty(axes, LOW)
     whole = of.values, of.reference, *of.tube
     less = tuple(values - of.reference for values in whole)
-    remark = few(min(axes.most, of.times.size), of.times.size).strip()
+    remark = few(min(axes.most, of.times.size), of.times.size)
     scale, unit = fitting(of.unit, *whole[:2])
     factor, small = fitting(of.unit, *less)
     legend = draw_tube(over, of, whole, axes, scale, key)

@@ -230,8 +230,9 @@ class Drawer:
         for end in ends:
             line(made, end, BOUNDS)
         made.y_range.start, made.xaxis.axis_label = 0, labelled(self.many.label(metric), unit)
-        made.x_range = bk.Range1d(*span(edges[0], edges[-1], ends))
-        legend = (MEDIAN, BOUNDS) if ends else (MEDIAN,)
+        low, high = span(edges[0], edges[-1], ends)
+        made.x_range = bk.Range1d(low, high)
+        legend = (MEDIAN, BOUNDS) if any(low <= end <= high for end in ends) else (MEDIAN,)
         return Drawn(figure=made, key=key, label="how many runs", legend=legend)
 
     def bounds(self, metric: str) -> list[float]:

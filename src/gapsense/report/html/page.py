@@ -6,6 +6,7 @@ What its parts look like is in `templates/`; every text is escaped there.
 from __future__ import annotations
 
 import math
+import re
 from base64 import b64encode
 from collections.abc import Sequence
 from hashlib import sha256
@@ -96,10 +97,21 @@ def template(name: str, package: str = "gapsense.report.html") -> Any:
 
     options: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
     made = Environment(loader=PackageLoader(package), autoescape=True, undefined=StrictUndefined, **options)
-    made.filters |= {"quantity": lambda value, unit: quantity(float(value), unit), "variable": style.variable}
+    made.filters |= {
+        "quantity": lambda value, unit: quantity(float(value), unit),
+        "variable": style.variable,
+        "words": words,
+    }
     made.tests["finite"] = math.isfinite
     made.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # not sorted: Bokeh reads references in order
     return made.get_template(name)
+
+
+def words(text: str) -> Any:
+    """A sentence with what stands in back-ticks as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
 def read(name: str, package: str = "gapsense.report.html") -> str:
