@@ -25,6 +25,7 @@ from gapsense._os import locks, processes
 from gapsense._os.native import ZIG, NativeError, zig_version
 from gapsense.cli.console import consoles
 from gapsense.fmi.native.platforms import chosen, compilers
+from gapsense.many import store
 
 ROOT = Path(__file__).resolve().parents[1]
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -37,6 +38,7 @@ LONG = (  # files that take minutes in the long tests, the longest first, and th
     *("test_profiles", "test_estimators", "test_forged_states", "test_identification_losses", "test_parity"),
     *("test_identification", "test_run_to_run", "test_contract", "test_sweep", "test_runnable", "test_hosts"),
 )
+store.SYNCHRONOUS = "OFF"  # no test cuts the power, and six thousand waits for the disk take 20 s
 gc.disable()  # until all tests have been found, which takes three times as long with it
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed
 settings.load_profile("busy")

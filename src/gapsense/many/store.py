@@ -39,6 +39,7 @@ PAUSE = 0.1  # seconds between two looks whether a file is free
 PATIENCE = 60.0  # seconds that a reader waits for a writer where there is no write-ahead log
 GROUP = 31**2  # rows that are in memory at once, the square of an odd number for `are_whole`
 PAGE = 4096  # bytes
+SYNCHRONOUS = "FULL"  # a run that was counted outlives a loss of power; a kill it outlives in any case
 WRITTEN_BY, NEWEST = 18, 2  # byte with the version of the format, and the last one that SQLite writes
 LOG_HEAD, FRAME_HEAD = 32, 24  # bytes of the write-ahead log: at its begin, and before each page
 BITS = 48  # for the number of a run, below that of its key
@@ -288,7 +289,7 @@ def writing(file: Path | None) -> sqlite3.Connection:
 def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     """A connection with the tables, which are the first pages of a new file."""
     connection.execute(f"PRAGMA page_size = {PAGE}")
-    connection.execute("PRAGMA synchronous = FULL")
+    connection.execute(f"PRAGMA synchronous = {SYNCHRONOUS}")
     if not connection.execute("SELECT 1 FROM sqlite_master").fetchone():
         connection.execute("BEGIN IMMEDIATE")
         for sql in CREATED:
