@@ -9,12 +9,15 @@ results: `inspect`, `identify`, `commission`, `gap_law`, `fem`, `estimate`, `com
 asked for.
 """
 
+import _signal  # type: ignore[import-not-found]  # what `signal` is made of, which takes a while to load
 import os
 import sys
 
 # `python -m gapsense...`: what is in the working folder comes last.
 _is_module = sys.argv[:1] == ["-m"] and sys.path[0] == os.getcwd()  # noqa: PTH109
 sys.path.extend([sys.path.pop(0)] if _is_module else [])
+if _is_module or "".join(sys.argv[:1]).endswith("gapsense"):  # until `__main__` has a word for a Ctrl-C
+    _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
 from gapsense._os.offered import offered  # noqa: E402
 from gapsense.version import __version__ as __version__  # noqa: E402

@@ -154,6 +154,13 @@ def test_ctrl_c_at_the_start_leaves_no_traces(process, fmus, tmp_path, monkeypat
     assert not list(temporary.iterdir()) and not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("module", ["gapsense._os.offered", "gapsense.version", "gapsense.__main__"])
+def test_ctrl_c_while_the_package_loads_ends_the_script_without_a_line(process, module):
+    script = IMPORTING.replace("from gapsense", 'sys.argv[0] = "/usr/bin/gapsense"\nfrom gapsense')
+    started = process(script, module)
+    assert started.communicate(timeout=60) == ("", "") and started.returncode == -signal.SIGINT
+
+
 def test_program_that_is_killed_while_it_loads_leaves_no_process_and_no_folder(process, tmp_path, monkeypatch):
     (temporary := tmp_path / "temporary").mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
