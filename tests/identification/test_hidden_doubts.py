@@ -36,6 +36,11 @@ def test_steps_that_a_voltage_does_not_show_are_those_of_the_current():
     assert found == pytest.approx(step / 0.4 / np.sqrt(12.0), rel=0.02)
 
 
+def test_a_voltage_with_two_levels_for_as_long_is_judged_by_one_of_them():
+    v, i = np.repeat([0.0, 24.0, 18.0], [50, 200, 200]), 4e-3 * (np.arange(450) % 100)
+    assert 0.0 < hidden_level(v, i) == hidden_level(v[:-1], i[:-1])
+
+
 def test_error_of_the_end_of_a_clamp_is_that_of_many_records():
     rng, slope, part = np.random.default_rng(1), 0.03, 0.4
     v = np.repeat([30.0, -40.0, 0.0], [60, 11, 60])

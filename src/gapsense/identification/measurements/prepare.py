@@ -73,8 +73,8 @@ def hidden_level(v: Vector, i: Vector) -> float:
     Noise that reaches but one other step tells nothing.  Of a voltage that shows none of its steps these are taken for
     those of the current.
     """
-    on = v[v > ON * v.max()]
-    held = on[np.abs(on - np.median(on)) < COARSEST * np.ptp(v)]
+    on = np.sort(v[v > ON * v.max()])
+    held = on[np.abs(on - on[on.size // 2]) < COARSEST * np.ptp(v)]  # a median may lie between two levels
     step = resolution(v) if np.ptp(held) else resolution(i) * float(np.ptp(v) / np.ptp(i))
     if not step < COARSEST * np.ptp(v):
         return 0.0

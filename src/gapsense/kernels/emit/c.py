@@ -32,6 +32,8 @@ LARGEST, LEAST = 3.4028234e38, 1.5e-45  # of float
 BITS = """static inline {word} bits_of({real} x) {{ {word} bits; memcpy(&bits, &x, sizeof x); return bits; }}
 static inline {real} of_bits({word} bits) {{ {real} x; memcpy(&x, &bits, sizeof x); return x; }}
 static inline {real} scaled({real} x, {real} n) {{ return x * of_bits(bits_of(n + {rounder}) << {digits}); }}
+"""
+OF_LOG = """\
 static inline {real} exponent({real} x) {{ return of_bits((bits_of(x) >> {digits}) | bits_of({large})) - {start}; }}
 static inline {real} mantissa({real} x) {{ return of_bits((bits_of(x) << {rest} >> {rest}) | bits_of({one})); }}
 """
@@ -307,8 +309,9 @@ def same(real: str, functions: Iterable[str]) -> str:
     size, digits, bias, form = FORMATS[real]
     powers = {"one": 1.0, "large": 2.0**digits, "start": 2.0**digits + bias, "rounder": form.rounder + bias}
     numbers = {name: number(power, real) for name, power in powers.items()}
-    bits = BITS.format(real=real, word=f"uint{size}_t", digits=digits, rest=size - digits, **numbers)
     texts = ["\n".join(_definition(name, real, form)) for name in called]
+    helpers = BITS + (OF_LOG if "log" in called else "")
+    bits = helpers.format(real=real, word=f"uint{size}_t", digits=digits, rest=size - digits, **numbers)
     return "\n".join([bits, *texts, ""]) if called else ""
 
 
