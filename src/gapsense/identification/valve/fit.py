@@ -293,7 +293,8 @@ def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str
     fit.form = at.form
     if not best or best.prepared.is_alike:
         return at
-    if _evidence(at, best) > ENOUGH or rms(_left(best)) ** 2 < MUCH * rms(_left(at)) ** 2:
+    enough = -ENOUGH if at.form.added else ENOUGH  # much like losses: of either, in doubt both
+    if _evidence(at, best) > enough or rms(_left(best)) ** 2 < MUCH * rms(_left(at)) ** 2:
         fit.form = best.form
         return best
     return at
