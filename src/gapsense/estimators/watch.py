@@ -27,7 +27,7 @@ FEW, MANY = 5.0, 100.0  # operations from which a line is used, and over which i
 RARE = 4.5  # -log of about the probability that a mean is far from its line: twice this far in two parts, thrice in one
 SLACK = 0.1  # how far it may be beyond that [deviations]
 KNOWN, SURE = 10.0, 100.0  # operations from which on noise may be all that they differ by; as how many that counts
-ALIKE = (0.25, 3.0)  # variance of a part that is noise alone, in that of noise
+ALONE = (0.25, 3.0)  # variance of a part that is noise alone, in that of noise
 FLAT = 1e-3  # variance of the supply times operations that adds nothing to the slope [V2]
 EDGE = 1.0  # change of the voltage beyond its noise from which on an operation is compared from there [V]
 AWAY = 0.05  # share of the stroke within which the position of the model alone is at a stop
@@ -287,15 +287,16 @@ def _far(lines: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading) 
         beside = _line(lines, first + clip(entry + side, half, half + PARTS))
         variance = larger(variance, _slope(beside)[2])
     n, away = larger(own.n, FEW), at.supply - own.supply
-    is_noise = at.is_alike & (own.n >= KNOWN) & (variance > ALIKE[0] * at.noise) & (variance < ALIKE[1] * at.noise)
+    is_noise = at.is_alike & (own.n >= KNOWN) & (variance > ALONE[0] * at.noise) & (variance < ALONE[1] * at.noise)
     m, each = where(is_noise, SURE, n - 2.0), where(is_noise, at.noise / n, variance / (n - 2.0))
     off = at.error - own.error - slope * away
     beyond = fabs(off) - SLACK
     unit = m * each * (n + 1.0 + square(away) / spread)
-    one = square(exp(2.0 * RARE / m))
-    size = where(square(beyond) > (one * exp(2.0 * RARE / m) - 1.0) * unit, 2.0, 1.0)
-    is_far = (own.n >= FEW) & (beyond > 0.0) & (square(beyond) > (one - 1.0) * unit)
-    return where(is_far, where(off > 0.0, size, -size), 0.0)
+    once = exp(2.0 * RARE / m)
+    twice = square(once)
+    size = where(square(beyond) > (twice * once - 1.0) * unit, 2.0, 1.0)
+    is_off = (own.n >= FEW) & (beyond > 0.0) & (square(beyond) > (twice - 1.0) * unit)
+    return where(is_off, where(off > 0.0, size, -size), 0.0)
 
 
 def _learnt(before: Usual, side: Scalar) -> tuple[Array, Array, Scalar]:

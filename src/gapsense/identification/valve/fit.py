@@ -293,7 +293,8 @@ def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str
     fit.form = at.form
     if not best or best.prepared.is_alike:
         return at
-    enough = -ENOUGH if at.form.added else ENOUGH  # much like losses: of either, in doubt both
+    # Places look much like losses: where these were taken and nothing decides, the errors are to have both.
+    enough = -ENOUGH if at.form.added else ENOUGH
     if _evidence(at, best) > enough or rms(_left(best)) ** 2 < MUCH * rms(_left(at)) ** 2:
         fit.form = best.form
         return best
