@@ -180,7 +180,8 @@ def test_what_starts_often_loads_no_package_that_it_does_not_need(start):
 
 @pytest.mark.parametrize(("package", "offered"), [(gapsense, gapsense._PLACES), (cosim, cosim.OFFERED)])
 def test_what_a_package_offers_is_what_type_checkers_are_told(package, offered):
-    block = next(n for n in tree(Path(package.__file__)).body if isinstance(n, ast.If))
+    blocks = [n for n in tree(Path(package.__file__)).body if isinstance(n, ast.If)]
+    (block,) = (n for n in blocks if ast.unparse(n.test) == "TYPE_CHECKING")
     told = {alias.asname: n.module for n in block.body if isinstance(n, ast.ImportFrom) for alias in n.names}
     assert told == offered
     for name in told:
