@@ -7,6 +7,7 @@ import errno
 import hashlib
 import io
 import json
+import math
 import os
 import re
 import stat
@@ -263,6 +264,12 @@ def number(text: str) -> float | None:
         return float(text)
     except ValueError:
         return None
+
+
+def finite(text: str) -> float | None:
+    """The finite number that a text holds, or None."""
+    value = number(text)
+    return value if value is not None and math.isfinite(value) else None
 
 
 def write_json(file: TextIO, data: Any) -> None:

@@ -18,11 +18,20 @@ from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of
 from gapsense.cosim.scenario.fingerprint import deciding, facts
 from gapsense.cosim.scenario.read import STUDY, other_kind, read_draft, read_lists, read_rows, scenario_file, split
-from gapsense.cosim.scenario.records import MOST_RUNS, SECTION, Port, RowsColumn, Scenario, product, signals
+from gapsense.cosim.scenario.records import (
+    MOST_RUNS,
+    SECTION,
+    Block,
+    Plan,
+    Port,
+    RowsColumn,
+    Scenario,
+    product,
+    signals,
+)
 from gapsense.many.columns import OWN, columns_of
 from gapsense.many.draws import DISTRIBUTIONS, points
 from gapsense.many.keys import SECTIONS
-from gapsense.many.plan import Block, Plan
 from gapsense.many.worker import Many, thrifty
 from gapsense.parameters import is_file, located
 from gapsense.problems import ScenarioError
@@ -285,7 +294,7 @@ def inspect(path: str | Path, fmus: str | Path | None, engine: str = AUTO) -> tu
     folder = find_fmus(scenario_file(study.scenario)) if chosen is None else Path(chosen)
     descriptions = read_descriptions(draft.scenario, folder, problems)
     read = taken(draft.scenario, descriptions)
-    plan = study.plan.over(read)
+    plan = replace(study.plan, blocks=(*read.plan.blocks, *study.plan.blocks))  # the scenario's own sweep comes first
     judged = judgeable(study, read, plan)
     problems += own_problems(study, read)
     problems += translated(check_scenario(judged, descriptions, draft.broken), study, read.path.name)

@@ -28,11 +28,10 @@ from gapsense.cosim.run.engines import folder_of, refuse_unknown
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
-from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
+from gapsense.cosim.scenario.records import MOST_RUNS, Plan, Scenario, product
 from gapsense.cosim.show import pages
 from gapsense.many.columns import ENDED, columns_of, kind
 from gapsense.many.execute import Done, complete
-from gapsense.many.plan import Plan
 from gapsense.many.provenance import key, provenance
 from gapsense.many.store import ERRORS, SUFFIX, WORDS, Store, alone
 from gapsense.many.worker import Many, kept, thrifty
@@ -127,7 +126,7 @@ def sweep(
         file = None if out is None else Path(out) / f"{stem}{SUFFIX}"
         if file is not None:
             refuse_unwritable(*(file.with_suffix(ending) for ending in (SUFFIX, ".csv", ".json")))
-        own, plan = key_of(read, descriptions, measure), Plan((), seeds).over(read)
+        own, plan = key_of(read, descriptions, measure), Plan(read.plan.blocks, seeds)
         many = Many(
             scenario=read if measure or keep else thrifty(read),
             descriptions=descriptions,
@@ -169,8 +168,8 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
     problems = []
     wrong = {name: count for name, count in (("seeds", seeds), ("workers", workers)) if count < 1}
     problems += [f"{name}: {count} found, at least 1 expected. Correct it." for name, count in wrong.items()]
-    if seeds * len(scenario.points()) > MOST_RUNS:
-        asked_for = product((len(scenario.points()), seeds))
+    if seeds * scenario.plan.points > MOST_RUNS:
+        asked_for = product((scenario.plan.points, seeds))
         problems.append(f"seeds: {asked_for} runs found, at most {MOST_RUNS} expected. Take fewer seeds.")
     is_random = bool(scenario.seeds) or any(event.is_random for event in scenario.events.values())
     if not is_random and not scenario.swept:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import shutil
 import sys
@@ -14,6 +13,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
+from gapsense._os.files import finite
 from gapsense.cosim.check import check, described
 from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.cosim.fmu.descriptions import Description, Variable
@@ -450,15 +450,6 @@ class Told:
         return {
             key: self.own[key] for key in ("events", "record", "metrics", "page") if isinstance(self.own.get(key), dict)
         }
-
-
-def finite(text: str) -> float | None:
-    """The finite number that a text holds, or None."""
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
 
 
 # Nested systems as one level: each input of a component is followed back to where its value comes from.

@@ -252,7 +252,7 @@ class Subject:
 
     def taken(self, seed_shift: int = 0, point: int | Mapping[Port, Value] | None = None) -> Take:
         """What one run takes; a point of a sweep, or values of parameters."""
-        values = self.scenario.points()[point] if isinstance(point, int) else point or {}
+        values = self.scenario.plan.point(point) if isinstance(point, int) else point or {}
         random = {
             event.seed_name: event.seed
             for event in varied_events(self.scenario.events, values, []).values()
