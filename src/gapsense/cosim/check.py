@@ -6,7 +6,6 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import chain
 from math import gcd, lcm, prod
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gapsense._os.files import facts_beside, fingerprint, is_sealed, read_columns, state
+from gapsense._os.files import facts_beside, fingerprint, is_sealed, read_columns, remembered
 from gapsense.cosim.fmu.archive import UnusableError, read_description
 from gapsense.cosim.fmu.descriptions import (
     NUMERIC,
@@ -197,14 +196,9 @@ def description_at(path: Path, place: str, remedy: str, problems: list[str]) -> 
         return None
 
 
+@remembered
 def described(path: Path, sizes: tuple[tuple[str, int], ...] = ()) -> Description:
-    """Model description of an FMU file, read again only if the file has changed."""
-    return remembered(path.resolve(), sizes, *state(path))
-
-
-@lru_cache(maxsize=64)
-def remembered(path: Path, sizes: tuple[tuple[str, int], ...], *_: int) -> Description:
-    """Model description of a file in some state."""
+    """Model description of an FMU file with arrays of some sizes."""
     return describe(path, dict(sizes))
 
 
@@ -572,7 +566,7 @@ def check_sets(components: Mapping[str, Component], descriptions: Descriptions) 
             names = list(components[users[0]].sets[file])
             if not set(names) <= set(variables):
                 folders = {description.path.parent for description in descriptions.values()}
-                beside = (_parameters(file.resolve(), *state(file)) for f in folders for file in f.glob("*.fmu"))
+                beside = (parameters_of(file) for f in folders for file in f.glob("*.fmu"))
                 others = frozenset().union(*beside)
                 names = [name for name in names if name in variables or name not in others]
             problems = [name_problem(name, variables) for name in names]
@@ -710,9 +704,9 @@ def limits(variable: Variable) -> str:
     return f"{low:.10g} to {high:.10g}{unit}"
 
 
-@lru_cache(maxsize=256)
-def _parameters(file: Path, *_: int) -> frozenset[str]:
-    """Names of the parameters of an FMU file in some state; one that cannot be read has none."""
+@remembered
+def parameters_of(file: Path) -> frozenset[str]:
+    """Names of the parameters of an FMU file; one that cannot be read has none."""
     try:
         root, _text = mended(read_description(file)[0])
     except (UnusableError, SyntaxError):  # of the XML; whoever uses the FMU is told
