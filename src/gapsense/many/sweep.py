@@ -142,15 +142,11 @@ def sweep(
             result = collect(many, store, done)
     if file is not None and not done.interrupted:
         changes = dict(scenario.changes) if isinstance(scenario, Document) else {}
-        about = {**provenance(read, file.parent), **of_sweep(Subject(read, descriptions), plan, own)}
+        fmus_used = {f"{name} ({d.path.name})": d.sha256 for name, d in descriptions.items()}
+        hashes = {"all": own, **Subject(read, descriptions).hashes(), **fmus_used}
+        about = {**provenance(read, file.parent), "runs": len(plan), "points": plan.points, "decided_by": hashes}
         save(result, {**about, "settings": changes, "engine": done.engine}, plan, file.with_suffix(".csv"))
     return result
-
-
-def of_sweep(subject: Subject, plan: Plan, key: str) -> dict[str, Any]:
-    """What was run, and hashes of what decides the numbers."""
-    fmus = {f"{name} ({d.path.name})": d.sha256 for name, d in subject.descriptions.items()}
-    return {"runs": len(plan), "points": plan.points, "decided_by": {"all": key, **subject.hashes(), **fmus}}
 
 
 def source_of(store: Store, scenario: Scenario) -> str:
@@ -244,15 +240,11 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
 
 
 def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:
-    """Write both files; `plan` is what the sweep goes through."""
+    """Write both files, a row per run; `plan` is what the sweep goes through."""
     told = {**about, **sidecar(result, {run: plan.named(run) for run in result.errors})}
-    write_with_facts(path, columns(result), result.units, lambda digest: {**told, "sha256": digest})
-
-
-def columns(result: Sweep) -> Columns:
-    """One row per run: its number, the parameters of the grid, the metrics."""
     grid = {name: np.array(column, dtype=object) for name, column in result.grid.items()}
-    return {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+    columns: Columns = {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+    write_with_facts(path, columns, result.units, lambda digest: {**told, "sha256": digest})
 
 
 def sidecar(result: Sweep, failed: Mapping[int, Mapping[str, Value]]) -> dict[str, Any]:
