@@ -412,7 +412,8 @@ def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str, 
         if f"smoothed_{name}" in estimate.outputs:
             published = estimate.outputs["smoothed_published"] > 0.5  # at the times that these belong to
             at, values = (estimate.outputs[f"smoothed_{signal}"][published] for signal in ("time", name))
-            axis.plot(1e3 * at, scale * values, ".", color=color, markersize=2, label=f"{estimate.name}, smoothed")
+            if at.size:
+                axis.plot(1e3 * at, scale * values, ".", color=color, markersize=2, label=f"{estimate.name}, smoothed")
     if name == "position" and record.position is not None:
         line(axis, record.times, scale * record.position, TRUE, "recorded", linestyle="--")
     low, high = np.percentile(np.concatenate(drawn), SHOWN)
