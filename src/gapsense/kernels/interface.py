@@ -47,17 +47,13 @@ SETTING: Any = partial(Port, causality="parameter", unit="1", variability="fixed
 # the ports of fields; they are Any, as the fields are
 
 
-def input_(unit: str, description: str, *, nominal: float = 1.0, start: float = 0.0, **more: Any) -> Any:
+def _real(causality: str, unit: str, description: str, **more: Any) -> Any:
+    return Port(**{"name": "", "causality": causality, "unit": unit, "description": description, **more})
+
+
+def input_(unit: str, description: str, **more: Any) -> Any:
     """A real input."""
-    return Port(
-        name=more.pop("name", ""),
-        causality="input",
-        unit=unit,
-        description=description,
-        start=start,
-        nominal=nominal,
-        **more,
-    )
+    return _real("input", unit, description, **more)
 
 
 def measured(unit: str, description: str, **more: Any) -> Any:
@@ -65,38 +61,20 @@ def measured(unit: str, description: str, **more: Any) -> Any:
     return input_(unit, description, source="sensor.{}_measured", **more)
 
 
-def output(unit: str, description: str, *, nominal: float = 1.0, **more: Any) -> Any:
+def output(unit: str, description: str, **more: Any) -> Any:
     """A real output, valid at the end of the step."""
-    more = {"feedthrough": HERE, **more}
-    return Port(
-        name=more.pop("name", ""),
-        causality="output",
-        unit=unit,
-        description=description,
-        start=None,
-        nominal=nominal,
-        **more,
-    )
+    return _real("output", unit, description, **{"start": None, "feedthrough": HERE, **more})
 
 
-def parameter(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
+def parameter(unit: str, description: str, start: float, **more: Any) -> Any:
     """A real parameter that may be changed during a run; its nominal value is its start value."""
-    more = {"variability": "tunable", **more}
-    return Port(
-        name=more.pop("name", ""),
-        causality="parameter",
-        unit=unit,
-        description=description,
-        start=start,
-        min=min,
-        nominal=abs(start) or 1.0,
-        **more,
-    )
+    usual = {"variability": "tunable", "nominal": abs(start) or 1.0}
+    return _real("parameter", unit, description, start=start, **{**usual, **more})
 
 
-def fixed(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
+def fixed(unit: str, description: str, start: float, **more: Any) -> Any:
     """A real parameter that is set before the run."""
-    return parameter(unit, description, start, min=min, variability="fixed", **more)
+    return parameter(unit, description, start, variability="fixed", **more)
 
 
 def sample_time(start: float) -> Any:
