@@ -32,7 +32,7 @@ from gapsense.drive.power_circuit import (
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
 from gapsense.kernels.layout import Choice, Scalar, blank
-from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where, where_each
 
 LEAST_CONDUCTANCE = 1e-9  # beside the coil: it blocks no current that matters, and needs no case of its own [S]
 WANDER = 0.2  # share by which a is taken to change in a step
@@ -236,7 +236,7 @@ def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Output
         """What the last step tells of the coil, and the circuit after it, now that its current is known (7)."""
         learnt, is_inside = _learn(state, m, par), is_set(state.inside)
         before, after = _foreseen(par, state.learnt), _coil(par, learnt)
-        coil = Coil(*(where(is_inside, x, y) for x, y in zip(before, after)))
+        coil = where_each(is_inside, before, after)
         at, _ = advanced(net, coil, state.command, state.at, state.step, False)
         reached = where(is_inside, m, at.stores.magnetizing)
         return learnt, at._replace(stores=at.stores._replace(magnetizing=reached))

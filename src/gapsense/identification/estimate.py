@@ -214,13 +214,17 @@ def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, 
     return {name: starts[name] for name in names if name not in given and name not in idle}
 
 
+def columns_of(record: Record, estimates: Sequence[Estimate]) -> dict[str, Vector]:
+    """What was recorded, and all outputs by `Estimator.output`."""
+    columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
+    return columns | {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
+
+
 def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:
     """CSV file of all outputs."""
-    columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
-    columns |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
     units = {**UNITS, **{f"{e.name}.{name}": unit for e in estimates for name, unit in e.units.items()}}
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, lambda file: write_columns(file, columns, units))
+    write_atomically(path, lambda file: write_columns(file, columns_of(record, estimates), units))
     return path
 
 
