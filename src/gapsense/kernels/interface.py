@@ -26,7 +26,7 @@ HERE = ("as its record",)  # feedthrough of an output that does not say any
 
 
 class Part(NamedTuple):
-    """In place of a port: a field that holds a record, whose outputs depend on these inputs."""
+    """In place of a port: a field that holds a record of outputs; `feedthrough` if it is not that of the others."""
 
     feedthrough: tuple[str, ...] = HERE
 
@@ -35,7 +35,7 @@ class Same(NamedTuple):
     """In place of a port: that of the field of the same name in another record."""
 
     record: Any
-    feedthrough: tuple[str, ...]
+    feedthrough: tuple[str, ...] = HERE
 
 
 # a further column of the table in the field before
@@ -45,6 +45,8 @@ SETTING: Any = partial(Port, causality="parameter", unit="1", variability="fixed
 
 
 # the ports of fields; they are Any, as the fields are
+part: Any = Part
+same: Any = Same
 
 
 def _real(causality: str, unit: str, description: str, **more: Any) -> Any:
@@ -105,16 +107,6 @@ def table(description: str, columns: tuple[str, ...], start: str, name: str = ""
     It stands at the field of the first column; those of the others are `COLUMN`.  A file is no default: that is empty.
     """
     return SETTING(name=name, description=description, start=start, kind="String", columns=columns)
-
-
-def part(feedthrough: tuple[str, ...] = HERE) -> Any:
-    """A field that holds a record of outputs; `feedthrough` if it differs from that of the other outputs."""
-    return Part(feedthrough)
-
-
-def same(record: Any, feedthrough: tuple[str, ...] = HERE) -> Any:
-    """The port that the field of the same name has in another record."""
-    return Same(record, feedthrough)
 
 
 def ports(feedthrough: tuple[str, ...] = ()) -> Callable[[T], T]:
