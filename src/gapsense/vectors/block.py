@@ -15,11 +15,12 @@ from gapsense.cosim.run.recording import Recording, Take, new_marks, shape
 from gapsense.cosim.scenario.read import varied
 from gapsense.fmi.values import ValuesError
 from gapsense.fmi.values import problems as refused
+from gapsense.kernels.lanes.plan import columns_in_c
 from gapsense.kernels.layout import names
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 from gapsense.vectors import library
-from gapsense.vectors.library import aligned, columns, table
+from gapsense.vectors.library import aligned, table
 from gapsense.vectors.model import Member, Model, of_parameters
 
 Values = Mapping[str, Value]
@@ -104,7 +105,7 @@ class Block:
                     self.set_parameters(member, lane)
             except (ValuesError, OSError):
                 self.lose(lane)
-        self.runs.columns = columns(self.arrays)
+        self.runs.columns = columns_in_c(self.arrays)
 
     def set_parameters(self, member: Member, lane: int) -> None:
         """Numbers and tables of a part's kernel; a table that is longer or shorter than the others' loses the run."""

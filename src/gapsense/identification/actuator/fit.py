@@ -27,7 +27,7 @@ from gapsense.estimators.gap import gap_law, make_gap
 from gapsense.estimators.mhe.model import Parameters, device
 from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
 from gapsense.identification.actuator import kernel as simulated
-from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, LEFT, Excitation, read_excitation
+from gapsense.identification.actuator.drive import ALIKE, LEFT, Excitation, read_excitation
 from gapsense.identification.actuator.kernel import USUAL, Beyond
 from gapsense.identification.least_squares import (
     STEP,
@@ -42,6 +42,7 @@ from gapsense.identification.least_squares import (
     rms,
 )
 from gapsense.identification.measurements.record import Record
+from gapsense.identification.measurements.signals import ANYWHERE
 from gapsense.identification.residual import EXPLAINED, FLOOR, Residual, rounding
 from gapsense.identification.residual import residual as of_all
 from gapsense.identification.show import Validation, compare
