@@ -569,7 +569,7 @@ def is_fitted(par: Parameters, name: str) -> bool:
     return bool(getattr(par, name) > 0.0 and (has_fringe or name not in ("gap_fringing", "gap_window")))
 
 
-def validate(par: Parameters, record: Record, beyond: Beyond) -> Validation:
+def validate(par: Parameters, record: Record, beyond: Beyond = USUAL) -> Validation:
     """The model beside a record; only offsets and the places of edges are sought."""
     driven = read_excitation(record, par)
     p = Problem(par, [], [driven], beyond=beyond)
