@@ -210,7 +210,7 @@ def commission(
         names = " ".join(path.name for path in paths)
         given = {name: value for name, value in given.items() if name not in {*GUESSED} & {*marked}}
         show.write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
-        checks = fit.validate_actuator(result.parameters, kept, result.beyond)
+        checks = [fit.validate(result.parameters, record, result.beyond) for record in kept]
         return answer(
             show.actuator_tables(result, known, checks, lacking),
             lambda: show.actuator_figure(result, checks),

@@ -569,13 +569,8 @@ def is_fitted(par: Parameters, name: str) -> bool:
     return bool(getattr(par, name) > 0.0 and (has_fringe or name not in ("gap_fringing", "gap_window")))
 
 
-def validate_actuator(par: Parameters, records: Sequence[Record], beyond: Beyond = USUAL) -> list[Validation]:
-    """The model beside each of some records; only offsets and the places of edges are sought."""
-    return [validate(par, record, beyond) for record in records]
-
-
-def validate(par: Parameters, record: Record, beyond: Beyond) -> Validation:
-    """Beside one of them."""
+def validate(par: Parameters, record: Record, beyond: Beyond = USUAL) -> Validation:
+    """The model beside a record; only offsets and the places of edges are sought."""
     driven = read_excitation(record, par)
     p = Problem(par, [], [driven], beyond=beyond)
     x = minimise(p, np.zeros(p.deviations.size), LONGEST, ENOUGH).point
