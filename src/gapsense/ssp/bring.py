@@ -6,7 +6,6 @@ import re
 import shutil
 import sys
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -25,7 +24,7 @@ from gapsense.ssp.carried import OF_COMPONENTS, OF_CONNECTIONS, WHOLE
 from gapsense.ssp.package import Package, opened
 from gapsense.ssp.structure import SINKS, Connector, Element, Link, Place, read_element
 from gapsense.ssp.units import Line, Units, conversion, read_units, together, units_of
-from gapsense.ssp.values import Given, Node, Reader
+from gapsense.ssp.values import Node, Reader
 from gapsense.ssp.words import DESCRIPTION, OSP, OWN, numbered, tag
 from gapsense.tables import Value, is_number
 
@@ -70,42 +69,11 @@ def refuse(path: Path, problems: list[str]) -> None:
 def content(package: Package, folder: Path, problems: list[str], notes: list[str], **options: Any) -> dict[str, Any]:
     """Tables of the scenario; FMUs and other files are put into its folder. Not complete if there are problems."""
     root, outer = read_structure(package, problems, notes)
-    told = Told(root, problems, notes)
-    components = [*outer.components()]
-    fmus = take_fmus(package, components, folder, problems)
-    descriptions = described_all(components, fmus, folder, problems)
-    shared, other = together(units_of(path) for path in dict.fromkeys(d.path for d in descriptions.values()))
-    problems += [f"the unit `{shown(name)}` is not the same in two FMUs. Correct one of them." for name in other]
-    units = {**shared, **read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")}  # those of the document go before
-    reader = Reader(
-        package=package,
-        units=units,
-        known={path: d.variables for path, d in descriptions.items()},
-        problems=problems,
-        notes=notes,
-    )
-    reader.read(outer)
-    reader.finish()
-    wiring = Wiring(outer, units, problems)
-    experiment = told.experiment(**options)
-    problems += [] if components else ["there is no component in it. Add one."]
+    maker = Maker(package=package, root=root, outer=outer, folder=folder, problems=problems, notes=notes)
+    experiment = maker.told.experiment(**options)
+    problems += [] if maker.components else ["there is no component in it. Add one."]
     if problems:
         return {}
-    names = plain_names([one.path for one in components])
-    notes += [f"`{one.name}` is called `{names[one.path]}`." for one in components if names[one.path] != one.name]
-    named = {path: f"{FMUS}/{file}" for path, file in fmus.items()}
-    maker = Maker(
-        components=components,
-        names=names,
-        fmus=named,
-        descriptions=descriptions,
-        wiring=wiring,
-        given=reader.given,
-        units=units,
-        told=told,
-        problems=problems,
-        notes=notes,
-    )
     data = maker.made(root.get("name", "") or package.path.stem, experiment)
     take_files(package, data, folder)
     return data
@@ -190,29 +158,39 @@ SIGNAL = ("times", "values", "interpolation")
 ZERO: Mapping[str, Value] = {"Real": 0.0, "Boolean": False, "String": ""}
 
 
-@dataclass
 class Maker:
     """Makes the sections of a scenario; `problems` and `notes` take what is wrong, and what is left out."""
 
-    components: list[Element]
-    names: Mapping[Place, str]
-    fmus: Mapping[Place, str]  # as the scenario names them
-    descriptions: Mapping[Place, Description]
-    wiring: Wiring
-    given: Mapping[Node, Given]
-    units: Units
-    told: Told
-    problems: list[str]
-    notes: list[str]
-    connect: dict[str, str] = field(default_factory=dict)
-    connections: list[dict[str, Any]] = field(default_factory=list)
-    inputs: dict[str, Any] = field(default_factory=dict)
-    seeds: dict[str, Value] = field(default_factory=dict)
-    idle: list[str] = field(default_factory=list)
-    reached: set[Node] = field(default_factory=set)  # where values come from
+    def __init__(
+        self, package: Package, root: Xml, outer: Element, folder: Path, problems: list[str], notes: list[str]
+    ) -> None:
+        self.problems, self.notes = problems, notes
+        self.told, self.components = Told(root, problems, notes), [*outer.components()]
+        fmus = take_fmus(package, self.components, folder, problems)
+        self.fmus = {path: f"{FMUS}/{file}" for path, file in fmus.items()}  # as the scenario names them
+        self.descriptions = described_all(self.components, fmus, folder, problems)
+        files = dict.fromkeys(d.path for d in self.descriptions.values())
+        shared, other = together(map(units_of, files))
+        problems += [f"the unit `{shown(name)}` is not the same in two FMUs. Correct one of them." for name in other]
+        own = read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")
+        self.units = {**shared, **own}  # those of the document go before
+        known = {path: d.variables for path, d in self.descriptions.items()}
+        reader = Reader(package=package, units=self.units, known=known, problems=problems, notes=notes)
+        reader.read(outer)
+        reader.finish()
+        self.given, self.wiring = reader.given, Wiring(outer, self.units, problems)
+        self.names = plain_names([one.path for one in self.components])
+        self.connect: dict[str, str] = {}
+        self.connections: list[dict[str, Any]] = []
+        self.inputs: dict[str, Any] = {}
+        self.seeds: dict[str, Value] = {}
+        self.idle: list[str] = []
+        self.reached: set[Node] = set()  # where values come from
 
     def made(self, title: str, experiment: Mapping[str, Any]) -> dict[str, Any]:
         """Tables of the scenario."""
+        renamed = ((one.name, self.names[one.path]) for one in self.components)
+        self.notes += [f"`{name}` is called `{new}`." for name, new in renamed if name != new]
         base = experiment.get("base_step")
         components = {self.names[one.path]: self.component(one, base) for one in self.components}
         for path, connector in self.wiring.edges:  # the check of the scenario sees the other ends

@@ -452,12 +452,7 @@ def summary(text: str) -> str:
 
 def instance_of(name: str, description: Description, folder: Path) -> Instance:
     """An FMU of either version, loaded as `name` from its unpacked `folder`."""
-    return kind_of(description)(name, description, folder)
-
-
-def kind_of(description: Description) -> type[Instance]:
-    """What stands for instances of an FMU of its version."""
-    return Instance3 if description.fmi == 3 else Instance
+    return (Instance3 if description.fmi == 3 else Instance)(name, description, folder)
 
 
 class Instance3(Instance):

@@ -34,9 +34,9 @@ from gapsense.cosim.fmu.instance import (
     STEP,
     WARNING,
     Instance,
+    Instance3,
     Message,
     instance_of,
-    kind_of,
 )
 from gapsense.problems import FmuError
 from gapsense.tables import Value
@@ -50,11 +50,9 @@ class RemoteInstance(Instance):
     """An FMU loaded as `name` from its extracted `folder` elsewhere; `limit` [s] is for each answer from there."""
 
     is_near = False
-    kind: type[Instance]
 
     def __init__(self, name: str, description: Description, folder: Path, limit: float) -> None:
         self.name, self.description, self.pointer = name, description, ctypes.c_void_p()
-        self.kind = kind_of(description)
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.cause = ""  # how the process has ended
@@ -105,18 +103,6 @@ class RemoteInstance(Instance):
     def function(self, name: str) -> Callable[..., int]:
         """What stands for an entry point here; only those that the master calls itself."""
         return lambda _: self.request("call", [name])[0]
-
-    def entry(self, function: str) -> str:
-        """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
-        return self.kind.entry(self, function)
-
-    def c_type(self, variable: Variable) -> Any:
-        """Type of C that a variable has."""
-        return self.kind.c_type(self, variable)
-
-    def accessor(self, action: str, variable: Variable) -> str:
-        """Entry point that gets or sets values of this variable's type."""
-        return self.kind.accessor(self, action, variable)
 
     def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
         """Function that gets or sets the values of variables of one type, an array, and returns the status."""
@@ -194,6 +180,15 @@ class RemoteInstance(Instance):
         self.is_dead = True
         self.ended.set()
         self.process.close()
+
+
+class RemoteInstance3(RemoteInstance, Instance3):
+    """The same for an FMU of FMI 3.0."""
+
+
+def remote_instance(name: str, description: Description, folder: Path, limit: float) -> RemoteInstance:
+    """An FMU of either version of FMI in a process of its own."""
+    return (RemoteInstance3 if description.fmi == 3 else RemoteInstance)(name, description, folder, limit)
 
 
 # The process of one FMU instance, seen from inside.

@@ -16,7 +16,7 @@ from gapsense._os.files import sha256
 from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
-from gapsense.cosim.fmu.remote import RemoteInstance
+from gapsense.cosim.fmu.remote import remote_instance
 from gapsense.cosim.run.events import Director, explained
 from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer
@@ -115,7 +115,7 @@ class Master:
         if component.board:
             return self.on_board(name, component, description)
         if component.isolation == "process":
-            return RemoteInstance(name, description, unpacked(description), self.scenario.experiment.step_limit)
+            return remote_instance(name, description, unpacked(description), self.scenario.experiment.step_limit)
         return instance_of(name, description, unpacked(description))
 
     def on_board(self, name: str, component: Component, description: Description) -> Instance:
@@ -166,7 +166,7 @@ class Master:
         for part in self.parts:
             part.instance.close()
         for link in self.links.values():
-            link.close()
+            link.line.close()
         self.parts, self.links = [], {}
 
     @folder_kept()

@@ -230,6 +230,11 @@ class Subject:
 
         scenario, experiment = self.scenario, self.scenario.experiment
         said = [f"{name} = {value}" for name, value in scenario.settings.items()]
+        components: dict[str, dict[str, Any]] = {}
+        for name, component in scenario.components.items():
+            own = self.descriptions[name]
+            facts = {key: getattr(own, key) for key in ("guid", "version", "sha256", "fmi")}
+            components[name] = {"fmu": own.path.name, **facts, "step": component.step, "offset": component.offset}
         return Run(
             title=scenario.title + (f" ({', '.join(said)})" if said else ""),
             scenario=scenario.name,
@@ -240,7 +245,7 @@ class Subject:
             base_step=experiment.base_step,
             decimation=scenario.record.decimation,
             seeds={},
-            components={name: component_facts(scenario, self.descriptions, name) for name in scenario.components},
+            components=components,
             order=self.order.names,
             delayed=tuple(str(connection) for connection in self.order.delayed),
             files={},
@@ -296,13 +301,6 @@ def order_of(scenario: Scenario, descriptions: Descriptions) -> Order:
 def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
     """True if an output of the target depends directly on what the connection carries."""
     return connection.target.variable in descriptions[connection.target.component].direct_inputs
-
-
-def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:
-    """FMU and grid of a component."""
-    component, description = scenario.components[name], descriptions[name]
-    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256", "fmi")}
-    return {"fmu": description.path.name, **facts, "step": component.step, "offset": component.offset}
 
 
 @cache
