@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.run.events import Director
 from gapsense.cosim.run.part import Stage, constants, player
 from gapsense.cosim.run.recording import Recording, Take, new_marks, shape
@@ -238,14 +237,9 @@ def given_of(member: Member, take: Take, model: Model) -> dict[str, Value]:
     component, description = member.component, model.subject.descriptions[member.component.name]
     own: dict[str, Value] = {"seed": take.seeds[component.name]} if component.name in take.seeds else {}
     own |= {port.variable: value for port, value in take.values.items() if port.component == component.name}
-    return {name: typed(description, name, value) for name, value in {**component.values, **own}.items()}
-
-
-def typed(description: Description, name: str, value: Value) -> Value:
-    """A value as the variable has it."""
-    variable = description.variables[name]
-    number = variable.number(value)
-    return float(number) if variable.type == "Real" else number
+    variables = {name: description.variables[name] for name in (*component.values, *own)}
+    values = {name: variables[name].number(value) for name, value in {**component.values, **own}.items()}
+    return {name: float(value) if variables[name].type == "Real" else value for name, value in values.items()}
 
 
 def parameters_of(model: Model, given: Mapping[str, Values]) -> Iterator[tuple[str, Value]]:
