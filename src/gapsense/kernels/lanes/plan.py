@@ -28,6 +28,11 @@ class Column(ctypes.Structure):
     _fields_ = [("address", ctypes.c_void_p), *((name, ctypes.c_ssize_t) for name in ("row", "run", "size"))]
 
 
+def columns_in_c(arrays: Sequence[Floats]) -> Any:
+    """Arrays (numbers, runs), as C takes them."""
+    return (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
+
+
 class Array(Enum):
     """Columns that functions take as a whole."""
 
@@ -85,7 +90,7 @@ class Plan:
 
     def _in_c(self, library: ctypes.CDLL, runs: int, arrays: list[Floats]) -> None:
         words, constants = self._words, [code.c.constants for code in self.program.codes]
-        columns = (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
+        columns = columns_in_c(arrays)
         own = [address(library, name) for name in ("take", "keep")]
         functions = (ctypes.c_void_p * (OWN + len(constants)))(*own, *(self._addresses or ()))
         numbers = (ctypes.c_void_p * (OWN + len(constants)))(*[None] * OWN, *(c.ctypes.data for c in constants))
