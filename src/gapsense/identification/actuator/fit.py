@@ -297,9 +297,10 @@ def commission(
     names = [name for name in dict.fromkeys((*DEVIATIONS, *doubts)) if is_fitted(par, name)]
     every = Problem(par, names, drives, doubts=doubts)
     found = search(every, progress)
-    if not found.is_explained:
+    is_too_fast = any(d.is_too_fast for d in drives)  # nothing explains it
+    if not found.is_explained and not is_too_fast:
         found = min((found, *(search(every, progress, start=start) for start in STARTS)), key=lambda each: each.misfit)
-    if leaves_more(found) and not any(d.is_too_fast for d in drives):
+    if leaves_more(found) and not is_too_fast:
         for form in FORMS:
             richer = search(with_more(every, form), progress, in_pieces=True)
             found = richer if is_sound(richer, found) and is_better(richer, found) else found
