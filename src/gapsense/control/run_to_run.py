@@ -141,7 +141,7 @@ def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
 def _informed(state: State, par: Parameters) -> State:
     """The first cycle begins."""
     state = _unlearnt(state, 0.0, par)
-    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0), cycles=1.0)
+    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0, passed=0.0), cycles=1.0)
 
 
 def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
