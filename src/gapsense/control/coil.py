@@ -22,8 +22,8 @@ WARM = 0.85  # share of the voltage that the resistance may need
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
 MEAN = 0.5  # of a zero that noise explains
 LANDED, SURE = 0.01, 5.0  # of the usual current: it rises by more where a mover lands; standard deviations of noise
-TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
-STEADIER, SOMEWHERE = 0.05, 4e-3  # the same if the current is noisy
+TOP, APART = 0.3, 6.0  # share by which the mean of the last closings follows; farther from it is another one [Wb]
+STEADIER, SOMEWHERE = 0.05, 2e-3  # the same if the current is noisy
 SLOWER = 0.1  # then: share by which the resistance and the first flux linkage follow, once there were so many cycles
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
@@ -286,10 +286,10 @@ def drawn(coil: Coil, change: Scalar) -> Coil:
     return coil._replace(flux=coil.flux + change, drawn=coil.drawn + change)
 
 
-def topped(coil: Coil, is_noisy: Scalar) -> Coil:
+def topped(coil: Coil, is_noisy: Scalar, par: Parameters) -> Coil:
     """After a soft closing the flux linkage is nearly that of the last ones, and their mean has less noise."""
     off = coil.flux - coil.top
-    is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART)
+    is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART * wandering(coil, par))
     top = where(is_near, coil.top + where(is_noisy, STEADIER, TOP) * off, coil.flux)
     return coil._replace(top=top, shift=top - coil.flux, flux=top)
 
