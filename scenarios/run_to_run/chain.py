@@ -14,9 +14,10 @@ import numpy.typing as npt
 
 from gapsense._os.native import own_compiler
 from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.lanes.plan import columns_in_c
 from gapsense.kernels.layout import names
 from gapsense.vectors import library
-from gapsense.vectors.library import Places, Room, aligned, columns, filled, of_kernel, places, structure, table
+from gapsense.vectors.library import Places, Room, aligned, filled, of_kernel, places, structure, table
 
 Floats = npt.NDArray[np.float64]
 
@@ -84,7 +85,7 @@ class Block:
             self.numbers |= {name: place for k, (name, place) in enumerate(zip(entries, at.par)) if k not in at.tables}
             for k, place in at.tables.items():
                 self.arrays[place] = table(par[entries[k]], width)
-        self.runs = library.Runs(columns=columns(self.arrays), count=count, v=self.values.ctypes.data, next=1)
+        self.runs = library.Runs(columns=columns_in_c(self.arrays), count=count, v=self.values.ctypes.data, next=1)
 
     def prepare(self, loop: Any, par: Mapping[str, Any]) -> None:
         """Set all parameters that are numbers, and compute what steps need of them."""

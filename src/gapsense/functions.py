@@ -210,7 +210,7 @@ def commission(
         names = " ".join(path.name for path in paths)
         given = {name: value for name, value in given.items() if name not in {*GUESSED} & {*marked}}
         show.write_actuator(to, result, given, f"gapsense commission {names} --parameters {believed.name}", lacking)
-        checks = fit.validate_actuator(result.parameters, kept, result.beyond)
+        checks = [fit.validate(result.parameters, record, result.beyond) for record in kept]
         return answer(
             show.actuator_tables(result, known, checks, lacking),
             lambda: show.actuator_figure(result, checks),
@@ -398,8 +398,6 @@ def estimate(
     notes = [*about(placed), *(f"left out: {reason}" for reason in left_out)]
     estimates = judge.run_all([folder / f"{name}.fmu" for name in names], record, values, progress, placed)
     doubts = judge.doubts(record, estimates)
-    signals = {"time": record.times, "voltage": record.voltage, "current": record.current}
-    signals |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
     return answer(
         [*judge.estimate_tables(estimates), *judge.repeat_assumed(values, assumed)],
         lambda: judge.estimate_figure(record, estimates),
@@ -407,7 +405,7 @@ def estimate(
         files=[judge.save(Path(out), record, estimates)] if out else [],
         passed=not doubts,
         parameters=values,
-        signals=signals,
+        signals=judge.columns_of(record, estimates),
         doubts=doubts,
         notes=notes,
     )

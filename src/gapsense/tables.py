@@ -132,23 +132,7 @@ BOUNDS = Kind(
     is_span,
     {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
 )
-TYPES = {  # by their names in tables of keys
-    "number": NUMBER,
-    "positive": POSITIVE,
-    "not_negative": NOT_NEGATIVE,
-    "count": COUNT,
-    "index": INDEX,
-    "truth": TRUTH,
-    "text": TEXT,
-    "number_or_text": NUMBER_OR_TEXT,
-    "scalar": SCALAR,
-    "texts": TEXTS,
-    "numbers": NUMBERS,
-    "list": LIST,
-    "bounds": BOUNDS,
-    "table": TABLE,
-    "tables": TABLES,
-}
+TYPES = {name.lower(): kind for name, kind in globals().items() if isinstance(kind, Kind)}  # by names in tables of keys
 
 
 def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:

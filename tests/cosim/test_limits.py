@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gapsense.cosim import ScenarioError, check, load, run, sweep
 from gapsense.cosim.check import check_size
-from gapsense.cosim.scenario.records import Points, Port
+from gapsense.cosim.scenario.records import Plan, Port, blocks
 from gapsense.tables import found
 
 HUGE = "1" + 400 * "0"
@@ -56,8 +56,8 @@ def test_grid_of_a_billion_points_is_refused_before_memory_goes(write, chain, fm
     assert words in check(path, fmus=fmus)[0]
     with pytest.raises(ScenarioError, match=words):
         sweep(path, fmus=fmus)
-    points = Points([{}], {Port("gain", str(k)): values for k in range(3)})
-    assert len(points) == 10**9 and points[10**9 - 2][Port("gain", "2")] == 998.0
+    plan = Plan(blocks([], {Port("gain", str(k)): values for k in range(3)}))
+    assert plan.points == 10**9 and plan.point(10**9 - 2)[Port("gain", "2")] == 998.0
 
 
 @given(st.lists(st.integers(1, 4), max_size=4), st.integers(1, 3))
@@ -65,11 +65,11 @@ def test_points_are_made_in_the_order_of_the_file(lengths, rows):
     grid = {Port("a", str(k)): list(range(n)) for k, n in enumerate(lengths)}
     own = [{Port("b", "x"): k} for k in range(rows)]
     expected = [{**row, **dict(zip(grid, point))} for row in own for point in itertools.product(*grid.values())]
-    points = Points(own, grid)
-    assert [*points] == expected and len(points) == len(expected)
-    assert [*points[0]] == [*expected[0]] and points[-1] == expected[-1]
+    plan = Plan(blocks(own, grid))
+    assert [plan.point(k) for k in range(plan.points)] == expected
+    assert [*plan.point(0)] == [*expected[0]] and plan.point(-1) == expected[-1]
     with pytest.raises(IndexError):
-        points[len(points)]
+        plan.point(plan.points)
 
 
 def test_record_that_does_not_fit_into_the_memory_is_refused(write, chain):

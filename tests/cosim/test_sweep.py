@@ -406,7 +406,7 @@ def test_files_of_a_grid_decide_the_result(write, fmus):
     for name in ("a", "b"):
         (path.parent / f"{name}.toml").write_text(name)
     scenario = load(path)
-    assert [point for point in scenario.points()][2]["source", "table.file"] == str(path.parent / "b.toml")
+    assert scenario.plan.point(2)["source", "table.file"] == str(path.parent / "b.toml")
     assert {file.name for file in scenario.files} == {"scenario.toml", "a.toml", "b.toml"}
 
 

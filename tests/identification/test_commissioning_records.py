@@ -82,7 +82,7 @@ def test_single_shots_together_and_one_more_for_the_validation():
     result = fit.commission(shots[:2], c.known)
     assert result.is_explained and [r.record for r in result.residuals] == ["30 V", "24 V"]
     assert max(errors(result.parameters, c.device, OTHERS[:1])) < GOAL
-    (check,) = validation.validate_actuator(result.parameters, shots[2:])
+    check = validation.validate(result.parameters, *shots[2:])
     edges = np.abs(np.diff(check.record.voltage, prepend=0.0)) > 5.0
     error = (check.record.current[check.first :] - check.model.current)[~edges[check.first :]]
     assert error.std() < 2.6e-3

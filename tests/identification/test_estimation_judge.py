@@ -153,5 +153,8 @@ def test_output_says_why_an_estimator_does_not_trust_itself(fmus):
     text = judge.trust(run_estimator(fmus / "Mhe.fmu", measured, GIVEN))
     assert text == "Mhe: `health` is 1 in 3.9 % of the samples; 0 for: device not learnt yet, operate it twice (96 %)."
     assert measured.times.size > 700 and "No window was solved" not in text
-    short = run_estimator(fmus / "Mhe.fmu", part(measured, slice(0, 200)), GIVEN)
+    cut = part(measured, slice(0, 200))
+    short = run_estimator(fmus / "Mhe.fmu", cut, GIVEN)
     assert "No window was solved" in judge.trust(short) and short.outputs["impact_speed"][-1] == 0.0
+    for axis in judge.estimate_figure(cut, [short]).axes:  # nothing that is smoothed, in no legend either
+        assert not any("smoothed" in label for label in axis.get_legend_handles_labels()[1])

@@ -9,8 +9,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense.cosim.scenario.records import Port
-from gapsense.many.plan import Block, Plan
+from gapsense.cosim.scenario.records import Block, Plan, Port
 from gapsense.many.prepare import Study, read_study
 
 

@@ -165,3 +165,10 @@ def test_what_has_no_sign_is_no_worse_for_being_small(tmp_path, bounds, expected
     result = stored(tmp_path / "out", lines, 4)
     found = extremes(result, summary.spread(result, "up"), bounds, 2)
     assert [one.run for one in found.worst] == expected
+
+
+@pytest.mark.parametrize("value", [0.0, 2e-6, 76.0, 1e17])
+def test_bins_of_values_that_differ_by_rounding_have_the_size_of_the_values(value):
+    values = value * np.array([1.0, 1.0 + 3e-16, 1.0])
+    edges = summary.edges(values)
+    assert edges[-1] - edges[0] == pytest.approx(value or 1.0) and (np.diff(edges) > 0.0).all()

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.scenario.records import Port
+from gapsense.cosim.scenario.records import Block, Plan, Port
 from gapsense.many import sweep as sweep_table
 from gapsense.many.columns import Columns, contents
-from gapsense.many.plan import Block, Plan
 from gapsense.many.result import FORMAT, KEY
 from gapsense.many.store import Store
 from gapsense.many.sweep import Sweep

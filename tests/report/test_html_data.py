@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 from gapsense.cosim import load, read_result, run
 from gapsense.cosim.result.metrics import rms
 from gapsense.cosim.result.result import Signal
-from gapsense.cosim.scenario.records import Port
+from gapsense.cosim.scenario.records import Metric, Port
 from gapsense.report.html import curves
 from gapsense.report.html.run import consistency, pairs, panels, strips
 from gapsense.report.html.subject import Shown, events, read_all, regression
@@ -88,6 +89,24 @@ def test_panels_have_truth_estimate_band_error_innovation_and_modes():
     assert innovation.band == pytest.approx(2e-3) and innovation.times[0] > 0.0
     (mode,) = strips(shown(made()))
     assert mode.name == "plant.mode" and mode.values.tolist() == [0.0, 1.0, 2.0] and mode.end == made().times[-1]
+
+
+def test_what_is_published_later_stands_at_its_times_and_nothing_before_the_record():
+    """`Mhe` publishes samples before its first one, whose mean velocity is one from nowhere: 70 m/s."""
+    times = 1e-4 * np.arange(6)
+    later = {"filter.smoothed_time": times - 2e-4, "filter.smoothed_published": (times > 0.5e-4) * 1.0}
+    values = {"plant.position": times, "filter.smoothed_position": times - 2e-4}
+    velocity = {"filter.smoothed_velocity": np.array([0.0, 70.0, 1.0, 1.0, 1.0, 1.0])}
+    result = made(6, {**values, **velocity, **later})
+    units = {"filter.smoothed_velocity": "m/s", "filter.smoothed_position": "m", "filter.smoothed_time": "s"}
+    about = {n: Signal(units[n], 1e-3, "output") if n in units else one for n, one in result.about.items()}
+    about["filter.smoothed_published"] = Signal("1", 1.0, "output")
+    ends = {"where": "filter.smoothed_published", "time": "filter.smoothed_time"}
+    metric = Metric("held", "rmse", "filter.smoothed_position", "plant.position", **ends)
+    found = {p.title: p for p in panels(shown(replace(result, about=about), SimpleNamespace(metrics=[metric])))}
+    (curve,) = found["smoothed velocity"].curves
+    assert curve.times == pytest.approx(times[:4]) and curve.values.max() == 1.0
+    assert found["error of the position"].curves[0].times[0] == 0.0
 
 
 def test_consistency_of_normal_errors_is_what_their_deviation_promises():

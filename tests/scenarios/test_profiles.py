@@ -57,6 +57,7 @@ def test_estimators_have_the_errors_of_the_first_run_of_the_monte_carlo():
 
 
 def test_there_are_the_35_profiles_of_the_paper():
-    points = [tuple(round(1e3 * value, 6) for value in point.values()) for point in load(FOLDER).points()]
+    plan = load(FOLDER).plan
+    points = [tuple(round(1e3 * value, 6) for value in plan.point(k).values()) for k in range(plan.points)]
     assert points == [(3.0 + 0.5 * j, 1.0 + 0.25 * k) for j in range(7) for k in range(5)]
     assert points[0] == tuple(1e3 * values("drive")[f"profile.{name}"] for name in ("first", "second"))

@@ -153,7 +153,7 @@ def differing(fmus, scenario, variant, runs, every=1):
     """Names of what differs between runs through FMUs and as vectors."""
     subject = Subject(*prepare(scenario, variant, fmus))
     assert not obstacle(subject)
-    points = len(subject.scenario.points())
+    points = subject.scenario.plan.points
     takes = [subject.taken(k, k % points if subject.scenario.swept else None) for k in range(runs)]
     found = dict(Vectors(subject).record(takes))
     assert sorted(found) == [*range(runs)]

@@ -7,6 +7,7 @@ import errno
 import hashlib
 import io
 import json
+import math
 import os
 import re
 import stat
@@ -14,10 +15,10 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache, wraps
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
 
 from gapsense._os.locks import held, remove_abandoned
 from gapsense.problems import InputError
@@ -42,6 +43,7 @@ KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
+T = TypeVar("T")
 Columns = Mapping[str, "npt.NDArray[Any]"]
 Write = Callable[[TextIO], None]
 HEADER = re.compile(r"(.*\S)\s+\[\s*([^\[\]]*?)\s*\]")  # the blank tells a unit from the index in `x[1]`
@@ -265,6 +267,12 @@ def number(text: str) -> float | None:
         return None
 
 
+def finite(text: str) -> float | None:
+    """The finite number that a text holds, or None."""
+    value = number(text)
+    return value if value is not None and math.isfinite(value) else None
+
+
 def write_json(file: TextIO, data: Any) -> None:
     """JSON for people and programs: indented, in the order given."""
     json.dump(data, file, indent=2)
@@ -305,6 +313,12 @@ def state(path: Path) -> tuple[int, int, int]:
     """What is another number when a file has changed: its time, size and inode."""
     about = path.stat()
     return about.st_mtime_ns, about.st_size, about.st_ino
+
+
+def remembered(read: Callable[..., T]) -> Callable[..., T]:
+    """A function of a file, and of more, that reads the file again only if it has changed."""
+    known = lru_cache(maxsize=256)(lambda path, _, *more: read(path, *more))
+    return wraps(read)(lambda path, *more: known(path.resolve(), state(path), *more))
 
 
 def sha256(path: Path) -> str:

@@ -146,7 +146,7 @@ def feed(server: Server, pending: Pending, answers: Answers) -> None:
     try:
         server.ready()
         for number in pending:
-            answers.put(server.entry(number))
+            answers.put(server.answer(number, server.job.request(number)))
     except Exception as error:  # handed to the main thread, which raises it
         answers.put(error)
 
@@ -166,10 +166,6 @@ class Server:
         if not self.is_ready:
             self.process.prepare(self.job.prepare, self.job.task)
             self.is_ready = True
-
-    def entry(self, number: int) -> Entry:
-        """Entry of one number."""
-        return self.answer(number, self.job.request(number))
 
     def answer(self, number: int, request: Any) -> Entry:
         """Entry of a request, from another process if one dies of it and it is to be tried again."""

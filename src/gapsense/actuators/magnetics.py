@@ -10,12 +10,22 @@ import math
 from typing import NamedTuple
 
 from gapsense.kernels.elementary import Cubic, cubic, log, spline_piece
+from gapsense.kernels.interface import input_, ports
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.trace import cond, fabs, load, locate, square, where
 
 MU_0 = 4e-7 * math.pi  # [H/m]
 SATURATED = 0.999  # |lambda| / lambda_sat from which the core reluctance stays constant
 SMALLEST_GAP = 1e-12  # below it there is no fringing [m]
+
+
+@ports()
+class Inputs(NamedTuple):
+    """Voltage, and the communication step that ends at `time`."""
+
+    time: Scalar  # [s]
+    dt: Scalar  # [s]
+    voltage: Scalar = input_("V", "Coil voltage, held during the step", source="drive.voltage_mean", nominal=30.0)
 
 
 class Circuit(NamedTuple):

@@ -20,7 +20,7 @@ from gapsense.kernels.integrate import equal_parts, least, next_part, rk4_until
 from gapsense.kernels.interface import fixed, output, parameter, ports, same
 from gapsense.kernels.layout import Array, Scalar, Vector, blank
 from gapsense.kernels.linalg import total, vector
-from gapsense.kernels.trace import clip, cond, loop, not_, square, where
+from gapsense.kernels.trace import clip, cond, loop, not_, square, where, where_each
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FINENESS, REFINEMENT = 0.05, 256.0  # micro-step in time constants of the flux; it is shortened at most so many times
@@ -30,7 +30,7 @@ ELEMENTS = (1.0 / 3.0, 2.0 / 3.0, 1.0)  # limits of the elements, relative to th
 # ports of `ReluctanceActuator`
 KNOWN = same(reluctance_actuator.Parameters)
 OUTPUT = same(reluctance_actuator.Outputs)
-Inputs = reluctance_actuator.Inputs
+Inputs = magnetics.Inputs
 
 
 @ports()
@@ -198,7 +198,7 @@ def _switched(act: Actuator, y: Continuous, contact: Contact) -> tuple[Continuou
     at = y._replace(position=where(is_below, mover.lower, mover.upper), velocity=back)
     landed = motion.landed(y.velocity, is_below, _net_force(act, at), contact, mover)
     free = motion.released(True, contact)
-    return at, Contact(*(where(is_moving, a, b) for a, b in zip(landed, free)))
+    return at, where_each(is_moving, landed, free)
 
 
 def _stretched(act: Actuator, elements: Array, change: Scalar) -> Array:

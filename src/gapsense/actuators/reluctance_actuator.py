@@ -16,7 +16,7 @@ from gapsense.actuators.magnetics import Gap, SmoothGap
 from gapsense.actuators.motion import MOVING, Contact, Mover
 from gapsense.actuators.reluctance_steps import Actuator, Losses, Moving, circuit_at, gap_at, micro_step
 from gapsense.kernels.integrate import equal_parts
-from gapsense.kernels.interface import COLUMN, choice, fixed, input_, option, output, parameter, ports, table
+from gapsense.kernels.interface import COLUMN, choice, fixed, option, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table, blank
 from gapsense.kernels.trace import clip, fabs, loop, square, where
 
@@ -24,6 +24,7 @@ MICRO_STEPS = 10_000_000  # at most, per communication step
 FLUX_FINENESS = 0.05  # micro-step at most, in time constants of the flux
 FIELD_FINENESS = 0.2  # and change of the effective field in it at most, in units of kappa or a
 HIGHEST_INDUCTANCE = 10.0  # |flux linkage / current| at most, in inductances of the unmagnetized actuator
+Inputs = magnetics.Inputs
 
 
 class GapLaw(Choice):
@@ -86,15 +87,6 @@ class State(NamedTuple):
     wall_work: Scalar  # done on the walls since the start, lost or stored [J]
     supplied_energy: Scalar  # integral of u i since the start [J]
     impact_speed: Scalar  # of the hardest impact since the mover last left its rest [m/s]
-
-
-@ports()
-class Inputs(NamedTuple):
-    """Voltage, and the communication step that ends at `time`."""
-
-    time: Scalar  # [s]
-    dt: Scalar  # [s]
-    voltage: Scalar = input_("V", "Coil voltage, held during the step", source="drive.voltage_mean", nominal=30.0)
 
 
 @ports()

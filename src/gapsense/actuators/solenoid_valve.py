@@ -15,14 +15,15 @@ from typing import Annotated, NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit, Gap
 from gapsense.actuators.motion import MOVING, Contact, Mover
-from gapsense.kernels.integrate import crossing, equal_parts, least, next_part, rk4, rk4_until
-from gapsense.kernels.interface import COLUMN, choice, fixed, input_, output, parameter, ports, table
+from gapsense.kernels.integrate import added, crossing, equal_parts, least, next_part, rk4, rk4_until
+from gapsense.kernels.interface import COLUMN, choice, fixed, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table, blank
 from gapsense.kernels.trace import clip, cond, loop, not_, sqrt, square, where
 
 MICRO_STEPS = 10_000_000  # at most, per communication step
 FINENESS = 0.025  # micro-step at most, in time constants of the flux: flux errors below 1e-9 where the core saturates
 REFINEMENT = 256.0  # a micro-step is shortened at most so many times, enough for tenfold overvoltage
+Inputs = magnetics.Inputs
 
 
 class GapLaw(Choice):
@@ -71,15 +72,6 @@ class State(NamedTuple):
     dissipated_energy: Scalar  # copper, damping and impacts, since the start [J]
     supplied_energy: Scalar  # integral of u i since the start [J]
     impact_speed: Scalar  # of the hardest impact since the mover last left its rest [m/s]
-
-
-@ports()
-class Inputs(NamedTuple):
-    """Voltage, and the communication step that ends at `time`."""
-
-    time: Scalar  # [s]
-    dt: Scalar  # [s]
-    voltage: Scalar = input_("V", "Coil voltage, held during the step", source="drive.voltage_mean", nominal=30.0)
 
 
 @ports()
@@ -254,7 +246,7 @@ def micro_step(
         return done, gap_at(valve, done.at.h)
 
     done, gap = cond(is_moving, move, lambda: (_rest(valve, gap, dt, at, contact), gap))
-    left, sums = _less(left, done), _added(sums, done.part)
+    left, sums = _less(left, done), added(sums, done.part)
     is_settled = not_(is_moving) & (done.at.lam == at.lam) & (done.contact.mode == contact.mode)
     left, sums = cond(is_settled, lambda: _repeated(valve, limit, done, left, sums), lambda: (left, sums))
     return (left, done.at, gap, done.contact, sums), not_(_goes_on(left))
@@ -268,7 +260,7 @@ def _repeated(valve: Valve, limit: Limit, done: Step, left: Rest, sums: Sums) ->
 
     def again(left: Rest, sums: Sums) -> tuple[tuple[Rest, Sums], Scalar]:
         left = _less(left, done)
-        return (left, _added(sums, done.part)), not_(is_equal(left))
+        return (left, added(sums, done.part)), not_(is_equal(left))
 
     return cond(is_equal(left), lambda: loop(MICRO_STEPS, again, (left, sums)), lambda: (left, sums))
 
@@ -279,10 +271,6 @@ def _less(left: Rest, done: Step) -> Rest:
 
 def _goes_on(left: Rest) -> Scalar:
     return (left.time > 0.0) & (left.steps > 0.0)
-
-
-def _added(sums: Sums, part: Sums) -> Sums:
-    return Sums(sums.losses + part.losses, sums.charge + part.charge)
 
 
 def gap_at(valve: Valve, h: Scalar) -> Gap:

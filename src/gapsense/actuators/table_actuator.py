@@ -13,7 +13,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Annotated, Any, NamedTuple
 
-from gapsense.actuators import hysteresis, motion, reluctance_actuator, table_steps
+from gapsense.actuators import hysteresis, magnetics, motion, reluctance_actuator, table_steps
 from gapsense.actuators.motion import MOVING
 from gapsense.actuators.reluctance_actuator import MICRO_STEPS, actuator_of
 from gapsense.actuators.reluctance_steps import Losses
@@ -26,7 +26,7 @@ from gapsense.kernels.trace import clip, loop, where
 # ports of `ReluctanceActuator`
 KNOWN = same(reluctance_actuator.Parameters)
 OUTPUT = same(reluctance_actuator.Outputs)
-Inputs = reluctance_actuator.Inputs
+Inputs = magnetics.Inputs
 
 
 class SpringLaw(Choice):

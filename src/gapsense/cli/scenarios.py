@@ -128,7 +128,11 @@ def figure(
     from gapsense.studies import drawer
 
     if scenario.suffix == ".csv":
-        result, file = read_saved(scenario, variant, fmus, settings), to or Path("results") / f"{scenario.stem}.png"
+        if variant or fmus or settings:
+            raise ValueError(
+                f"`{scenario}` is a result: --variant, --fmus and --set apply to a new run only. Leave them out."
+            )
+        result, file = cosim.read_result(scenario), to or Path("results") / f"{scenario.stem}.png"
         if not to:
             plot.refuse_foreign(file, cosim.relative(result.run.source, file.parent))
     else:
@@ -142,13 +146,6 @@ def figure(
     console.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
     if show:
         cli.shown(file)
-
-
-def read_saved(file: Path, *options: object) -> cosim.Result:
-    """Read a saved result, for which no option of a run makes sense."""
-    if any(options):
-        raise ValueError(f"`{file}` is a result: --variant, --fmus and --set apply to a new run only. Leave them out.")
-    return cosim.read_result(file)
 
 
 @cli.command("test")

@@ -17,7 +17,7 @@ from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import place, planned
 from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
-from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where
+from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where, where_each
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
@@ -55,7 +55,7 @@ ALONE = Bounds(hit=0.55, latest=1e-3, core=0.6, beyond=0.9)
 
 def choose_bounds(state: State) -> Bounds:
     """Without a contact they are higher."""
-    return Bounds(*(where(state.by_model > 0.0, a, b) for a, b in zip(ALONE, WITH_CONTACT)))
+    return where_each(state.by_model > 0.0, ALONE, WITH_CONTACT)
 
 
 def watched(state: State, par: Parameters) -> Heard:

@@ -18,7 +18,7 @@ from gapsense.estimators.kalman import Gaussian, condition
 from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Scalar, flat, record
 from gapsense.kernels.linalg import diagonal, matrix, vector
-from gapsense.kernels.trace import clip, cond, fabs, load, not_, square, where
+from gapsense.kernels.trace import clip, cond, fabs, load, not_, square, where, where_each
 
 TREND, KEEP, CLEAR = 0.07, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
 AT_ONCE = 2  # samples of a pass that are taken in a step
@@ -71,7 +71,7 @@ def _next(course: Pass, state: State, m: Mover, par: Parameters) -> Pass:
     squared = squares(measured(state, at - 1.0), measured(state, at))
     new = moved(record(Motion, course.motion), squared, par.sample_time, m)
     is_new = course.at <= course.last
-    motion = vector([where(is_new, a, b) for a, b in zip(flat(new), course.motion)])
+    motion = where_each(is_new, vector(flat(new)), course.motion)
     return course._replace(motion=motion, at=where(is_new, at + 1.0, course.at))
 
 
@@ -123,7 +123,7 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     )
     by_law = _steady(law, slopes[:NUMBERS], where(state.since_plain < YOUNG, where(is_noisy, 1.0, EAGER), STEADY))
     is_soft = has_landed & (law.was_plain < 1.0) & (state.running.is_plain < 1.0)
-    law = law._replace(slopes=vector([where(is_soft, new, old) for new, old in zip(by_law, law.slopes)]))
+    law = law._replace(slopes=where_each(is_soft, vector(by_law), law.slopes))
     by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
     H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
     is_steady = is_soft & not_(is_noisy) & (state.since_plain > CLEAR)

@@ -67,7 +67,7 @@ from gapsense.control.tracking import believed, expected_current, is_late, mover
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
-from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where
+from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where, where_each
 
 UNEXPLAINED = Noted._fields.index("unexplained")
 ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
@@ -389,7 +389,7 @@ def _readable(state: State, inputs: Inputs) -> Inputs:
         estimated_resistance=0.0,
         estimated_mass=0.0,
     )
-    return Inputs(*(where(says_numbers, new, none) for new, none in zip(inputs, silent)))._replace(
+    return where_each(says_numbers, inputs, silent)._replace(
         impact_speed=where(can_be_read(inputs.impact_speed, FASTEST), inputs.impact_speed, 0.0)
     )
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from itertools import chain
 from math import gcd, lcm, prod
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gapsense._os.files import facts_beside, fingerprint, is_sealed, read_columns, state
+from gapsense._os.files import facts_beside, fingerprint, is_sealed, read_columns, remembered
 from gapsense.cosim.fmu.archive import UnusableError, read_description
 from gapsense.cosim.fmu.descriptions import (
     NUMERIC,
@@ -41,11 +40,12 @@ from gapsense.cosim.scenario.records import (
     Experiment,
     FeedthroughCycleError,
     Metric,
+    Plan,
     Played,
-    Points,
     Port,
     RowsColumn,
     Scenario,
+    blocks,
     execution_order,
     index_of,
     is_on_grid,
@@ -139,9 +139,14 @@ def find_fmus(scenario: Path, name: Path = FMU_FOLDER) -> Path:
 
 
 WHOLE = ("Integer", "Boolean", "Enumeration")
+TAKES: Mapping[str, Callable[[Value], bool]] = {  # which TOML values a type of FMI takes
+    **dict.fromkeys(("Integer", "Enumeration"), is_integer),
+    "Real": is_number,
+    "String": lambda value: isinstance(value, str),
+    "Boolean": lambda value: isinstance(value, bool),
+}
 AS_NUMBERS = ("Boolean", "Integer")  # types of which a Real input takes the number; true is 1
 MOST_POINTS = 10**6  # of a sweep
-MOST_JUDGED = 1000  # combinations for a component, and all its values; the FMU tells the others
 T = TypeVar("T")
 OWN = "Build the FMUs with `gapsense build%s`."  # remedies for an FMU that is missing
 FOREIGN = "Correct the path; it is relative to the scenario."
@@ -191,14 +196,9 @@ def description_at(path: Path, place: str, remedy: str, problems: list[str]) -> 
         return None
 
 
+@remembered
 def described(path: Path, sizes: tuple[tuple[str, int], ...] = ()) -> Description:
-    """Model description of an FMU file, read again only if the file has changed."""
-    return remembered(path.resolve(), sizes, *state(path))
-
-
-@lru_cache(maxsize=64)
-def remembered(path: Path, sizes: tuple[tuple[str, int], ...], *_: int) -> Description:
-    """Model description of a file in some state."""
+    """Model description of an FMU file with arrays of some sizes."""
     return describe(path, dict(sizes))
 
 
@@ -222,10 +222,10 @@ def own_points(scenario: Scenario, component: str) -> Iterator[dict[str, Value]]
     def own(values: Mapping[Port, T]) -> dict[Port, T]:
         return {port: value for port, value in values.items() if port.component == component}
 
-    rows = {tuple(own(row).items()): None for row in scenario.rows}
-    points = Points([*map(dict, rows)] or ({},), own(scenario.grid))
-    for index in points.telling(MOST_JUDGED):
-        yield {port.variable: value for port, value in points[index].items()}
+    rows = dict.fromkeys(tuple(own(row).items()) for row in scenario.rows)
+    plan = Plan(blocks([*map(dict, rows)], own(scenario.grid)))
+    for number in plan.telling():
+        yield {port.variable: value for port, value in plan.point(number).items()}
 
 
 class Checker:
@@ -290,9 +290,9 @@ class Checker:
         """Seeds: of components that have one, stated once."""
         for name, seed in self.scenario.seeds.items():
             if name not in self.scenario.components:
-                yield f"seeds.{name}: {self.no_component(name)}"
+                yield f"seeds.{name}: {no_component(name, self.scenario)}"
             elif name in self.descriptions:
-                yield from check_seeds(self.scenario.components[name], self.descriptions[name], seed)
+                yield from check_seed(self.scenario.components[name], self.descriptions[name], seed)
 
     def grid(self) -> Iterator[str]:
         """Values of a sweep: not too many, of known parameters, of the right type and in their limits, no seeds."""
@@ -304,7 +304,7 @@ class Checker:
             if port.component == SECTION and SECTION not in self.scenario.components:
                 continue  # it varies a key of an event
             if port.component not in self.scenario.components:
-                yield f"sweep.{port}: {self.no_component(port.component)}"
+                yield f"sweep.{port}: {no_component(port.component, self.scenario)}"
             elif port.variable == "seed" and port.component in self.scenario.seeds:
                 yield f"sweep.{port}: the seed is also given in `seeds.{port.component}`. Keep one."
             elif port.component in self.descriptions:
@@ -325,14 +325,10 @@ class Checker:
         """Problems of events."""
         return check_events(self.scenario, self.descriptions, events, place, "experiment" not in self.broken)
 
-    def no_component(self, name: str) -> str:
-        """Sentence for a component that the scenario does not have."""
-        return f"there is no component `{name}`. {suggest(name, self.scenario.components)}"
-
     def resolve(self, port: Port, causality: str, place: str) -> Iterator[str]:
         """Problems of a port that must be an input or output of a component."""
         if port.component not in self.scenario.components:
-            yield f"{place}: {self.no_component(port.component)}"
+            yield f"{place}: {no_component(port.component, self.scenario)}"
             return
         if port.component not in self.descriptions:
             return
@@ -469,6 +465,11 @@ class Checker:
             yield f"{where}: {pair} rows, and `decimation` in `[record]` is {rows}. Raise that."
 
 
+def no_component(name: str, scenario: Scenario) -> str:
+    """Sentence for a component that the scenario does not have."""
+    return f"there is no component `{name}`. {suggest(name, scenario.components)}"
+
+
 # Signals that inputs follow against the variables of these inputs and the time of the run.
 
 
@@ -480,21 +481,16 @@ def check_signal(played: Played, variable: Variable) -> Iterator[str]:
     if played.unit and variable.unit and played.unit != variable.unit:
         yield f"the column is in `{played.unit}`, the input in `{variable.unit}`. Convert the column."
     if variable.type in WHOLE:
-        yield from check_whole(played, variable)
+        if played.interpolation != "hold":
+            yield f'an input of type {variable.type} cannot be interpolated. Write `interpolation = "hold"`.'
+        items = [0, 1] if variable.type == "Boolean" else [*variable.items.values()]
+        fits = np.isin(played.values, items) if items else played.values == np.rint(played.values)
+        for value in played.values[~fits][:1]:
+            yield f"{value:.9g} found, a value of type {variable.type} is expected. Correct it."
     if variable.type in NUMERIC:
         for value in (float(played.values.min()), float(played.values.max())):
             if not within(value, variable):
                 yield f"{value:.9g} found, {limits(variable)} expected. Correct the value."
-
-
-def check_whole(played: Played, variable: Variable) -> Iterator[str]:
-    """Problems of a signal for an input that takes whole numbers only."""
-    if played.interpolation != "hold":
-        yield f'an input of type {variable.type} cannot be interpolated. Write `interpolation = "hold"`.'
-    items = [0, 1] if variable.type == "Boolean" else [*variable.items.values()]
-    fits = np.isin(played.values, items) if items else played.values == np.rint(played.values)
-    for value in played.values[~fits][:1]:
-        yield f"{value:.9g} found, a value of type {variable.type} is expected. Correct it."
 
 
 def check_span(played: Played, experiment: Experiment) -> Iterator[str]:
@@ -569,7 +565,9 @@ def check_sets(components: Mapping[str, Component], descriptions: Descriptions) 
             variables = {v.name: v for v in sorted(known, key=lambda v: v.is_parameter)}  # the last of a name counts
             names = list(components[users[0]].sets[file])
             if not set(names) <= set(variables):
-                others = parameters_beside(description.path for description in descriptions.values())
+                folders = {description.path.parent for description in descriptions.values()}
+                beside = (parameters_of(file) for f in folders for file in f.glob("*.fmu"))
+                others = frozenset().union(*beside)
                 names = [name for name in names if name in variables or name not in others]
             problems = [name_problem(name, variables) for name in names]
             yield from (f"{file.name} (given to {listing(users)}): {problem}" for problem in problems if problem)
@@ -604,7 +602,7 @@ def misfit(value: Value, variable: Variable, said: str = "{} found") -> str | No
     if isinstance(value, str) and variable.items and value not in variable.items:
         return f"{said.format(found(value))}, an item of the enumeration is expected. {suggest(value, variable.items)}"
     number = variable.number(value)
-    if not has_type(number, variable.type):
+    if not TAKES[variable.type](number):
         return f"{said.format(found(value))}, a value of type {variable.type} is expected. Correct the value."
     if variable.type in NUMERIC and not within(float(number), variable):
         return f"{said.format(number)}, {limits(variable)} expected. Correct the value."
@@ -622,16 +620,7 @@ def name_problem(name: str, variables: Mapping[str, Variable], takes_starts: boo
     return None
 
 
-def has_type(value: Value, kind: str) -> bool:
-    """True if a TOML value may be given to a variable of this FMI type; a Real takes whole numbers too."""
-    if kind == "Real":
-        return is_number(value)
-    if kind == "String":
-        return isinstance(value, str)
-    return isinstance(value, bool) if kind == "Boolean" else is_integer(value)
-
-
-def check_seeds(component: Component, description: Description, seed: int) -> Iterator[str]:
+def check_seed(component: Component, description: Description, seed: int) -> Iterator[str]:
     """Problems with the seed of a component."""
     place = f"seeds.{component.name}"
     variable = description.variables.get("seed")
@@ -715,18 +704,9 @@ def limits(variable: Variable) -> str:
     return f"{low:.10g} to {high:.10g}{unit}"
 
 
-# Parameters of the FMUs in the same folders: a parameter set may have values for other components.
-
-
-def parameters_beside(fmus: Iterable[Path]) -> frozenset[str]:
-    """Names of the parameters of all FMUs in the folders of some; one that cannot be read has none."""
-    files = {file for folder in {fmu.parent for fmu in fmus} for file in folder.glob("*.fmu")}
-    return frozenset().union(*(_parameters(file.resolve(), *state(file)) for file in files))
-
-
-@lru_cache(maxsize=256)
-def _parameters(file: Path, *_: int) -> frozenset[str]:
-    """Those of a file in some state."""
+@remembered
+def parameters_of(file: Path) -> frozenset[str]:
+    """Names of the parameters of an FMU file; one that cannot be read has none."""
     try:
         root, _text = mended(read_description(file)[0])
     except (UnusableError, SyntaxError):  # of the XML; whoever uses the FMU is told
@@ -757,9 +737,9 @@ def check_record(scenario: Scenario, descriptions: Descriptions, knows_times: bo
     for name in scenario.page.controls:
         if name not in parameters:
             yield f"page.controls: `{name}` is no parameter. {suggest(name, parameters)}"
-    yield from (
-        f"page.first: {not_recorded(n, recorded, descriptions)}" for n in scenario.page.first if n not in recorded
-    )
+    for name in scenario.page.first:
+        if name not in recorded:
+            yield f"page.first: {not_recorded(name, recorded, descriptions)}"
     yield from unmatched(scenario.baseline.signals or (), recorded, "baseline.signals")
     yield from unmatched(scenario.baseline.tolerances, recorded, "baseline.tolerances")
 
@@ -806,10 +786,8 @@ def metric_problems(metric: Metric, recorded: Mapping[str, Variable], descriptio
     if target is None:
         yield f"{place}.reference: {not_recorded(name, recorded, descriptions)}"
     elif metric.flows and len({(units.get(n), units.get(f)) for n, f in zip((metric.signal, name), metric.flows)}) > 1:
-        ends = [
-            f"{n} [{units.get(n, '')}] and {f} [{units.get(f, '')}]"
-            for n, f in zip((metric.signal, name), metric.flows)
-        ]
+        pairs = zip((metric.signal, name), metric.flows)
+        ends = [f"{n} [{units.get(n, '')}] and {f} [{units.get(f, '')}]" for n, f in pairs]
         yield f"{place}: {' at one end, '.join(ends)} at the other: units differ. Correct the signals."
     elif target.unit and not is_axis and units.get(metric.signal, target.unit) != target.unit:
         pair = f"{metric.signal} [{units[metric.signal]}] is compared with {name} [{target.unit}]"
@@ -1009,7 +987,7 @@ def target_problems(event: Event, scenario: Scenario, descriptions: Descriptions
     """Problems with the target of an event, and with what is done to it."""
     name = event.target.component
     if name not in scenario.components:
-        yield f"target: there is no component `{name}`. {suggest(name, scenario.components)}"
+        yield f"target: {no_component(name, scenario)}"
         return
     for one in resolved({"": event}, scenario.connections).values():
         description = descriptions.get(one.target.component)
@@ -1083,7 +1061,7 @@ def signal_problems(event: Event, scenario: Scenario, descriptions: Descriptions
         return
     port: Port = event.when.signal
     if port.component not in scenario.components:
-        yield f"there is no component `{port.component}`. {suggest(port.component, scenario.components)}"
+        yield no_component(port.component, scenario)
     elif port.component in descriptions:
         variables = descriptions[port.component].variables
         known = [v.name for v in variables.values() if v.causality in ("input", "output") and v.type != "String"]

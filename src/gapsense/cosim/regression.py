@@ -20,7 +20,7 @@ from gapsense.cosim.run.ahead import FMU, run_ahead
 from gapsense.cosim.run.engines import folder_of, refuse_unknown, run_as_vectors
 from gapsense.cosim.run.run import run
 from gapsense.cosim.scenario.read import Document, Source, load, read_draft, scenario_file
-from gapsense.cosim.scenario.records import Baseline, Scenario
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.problems import FmuError, ScenarioError
 from gapsense.tables import parsed, read_toml
 
@@ -147,22 +147,20 @@ def variants(path: Path) -> tuple[str | None, ...]:
 
 
 def pending(path: Path, variant: str | None, folder: str | Path) -> Outcome:
-    """A test that has not ended: a failure, in case it never does."""
+    """A test that has not ended: a failure, in case it never does.
+
+    It is called after the way to the scenario's folder, for two may have one name.
+    """
+    home, folder = path.resolve().parent, Path(folder)
+    inner = home.relative_to(folder.resolve()).as_posix() if folder.is_dir() else "."
+    name = titled(home.name if inner == "." else inner, variant)
     check = Check("run", "not tested: `test` was stopped before.")
-    return Outcome(
-        scenario=titled(name_in(path, Path(folder)), variant), path=path, variant=variant, checks=(check,), seconds=0.0
-    )
+    return Outcome(scenario=name, path=path, variant=variant, checks=(check,), seconds=0.0)
 
 
 def titled(name: str, variant: str | None) -> str:
     """Name of a test of a scenario."""
     return f"{name}[{variant}]" if variant else name
-
-
-def name_in(path: Path, folder: Path) -> str:
-    """What a scenario is called among those of a folder: the path of its own from there, for two may have one name."""
-    inner = path.resolve().parent.relative_to(folder.resolve()).as_posix() if folder.is_dir() else "."
-    return path.resolve().parent.name if inner == "." else inner
 
 
 def test_scenario(
@@ -186,19 +184,12 @@ def test_scenario(
     is_held = scenario.baseline.file.is_file() and not result.interrupted
     comparison = compare(result, scenario.baseline) if is_held else None
     found = tuple(checks(scenario, result, comparison))
-    remark = remark_on(scenario.baseline, comparison)
+    unstated = "" if scenario.baseline.declared else ", which no `[baseline]` names: its loss would go unnoticed"
+    remark = f"compared with {scenario.baseline.file.name}{unstated}" if comparison else "no baseline"
     return outcome(found, perf_counter() - begin, result=result, comparison=comparison, remark=remark)
 
 
 test_scenario.__test__ = False  # type: ignore[attr-defined]  # pytest: not a test
-
-
-def remark_on(baseline: Baseline, comparison: Comparison | None) -> str:
-    """Whether a run was compared with a baseline, in a few words."""
-    if comparison is None:
-        return "no baseline"
-    unstated = "" if baseline.declared else ", which no `[baseline]` names: its loss would go unnoticed"
-    return f"compared with {baseline.file.name}{unstated}"
 
 
 def checks(scenario: Scenario, result: Result, comparison: Comparison | None) -> Iterator[Check]:
@@ -306,7 +297,13 @@ def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     root = Element("testsuites", {"name": "gapsense", **counts(outcomes)})
     for outcome in outcomes:
-        add_suite(root, outcome)
+        name, time = outcome.scenario, f"{outcome.seconds:.3f}"
+        suite = SubElement(root, "testsuite", {"name": name, **counts([outcome]), "time": time})
+        for index, check in enumerate(outcome.checks):  # the whole time counts for the first, the run
+            case = SubElement(suite, "testcase", classname=name, name=check.name, time="0.000" if index else time)
+            if check.failure:
+                text = "".join(c if c >= " " or c in "\n\t" else " " for c in check.failure)  # what XML allows
+                SubElement(case, "failure", message=text.splitlines()[0]).text = text
     indent(root)
     text = '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
     write_atomically(path, lambda file: print(text, end="", file=file))
@@ -316,14 +313,3 @@ def counts(outcomes: Sequence[Outcome]) -> dict[str, str]:
     """Number of checks, and of those that failed."""
     failures = sum(len(outcome.failures) for outcome in outcomes)
     return {"tests": str(sum(len(outcome.checks) for outcome in outcomes)), "failures": str(failures)}
-
-
-def add_suite(root: Element, outcome: Outcome) -> None:
-    """One scenario or variant; the whole time counts for its first check, the run."""
-    name, time = outcome.scenario, f"{outcome.seconds:.3f}"
-    suite = SubElement(root, "testsuite", {"name": name, **counts([outcome]), "time": time})
-    for index, check in enumerate(outcome.checks):
-        case = SubElement(suite, "testcase", classname=name, name=check.name, time="0.000" if index else time)
-        if check.failure:
-            text = "".join(c if c >= " " or c in "\n\t" else " " for c in check.failure)  # what XML allows
-            SubElement(case, "failure", message=text.splitlines()[0]).text = text

@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.kernels.interface import COLUMN, choice, fixed, input_, output, parameter, ports, table
-from gapsense.kernels.layout import Array, Choice, Scalar, Table, flat, record
-from gapsense.kernels.trace import clip, cond, fabs, floor, load, locate, not_, where
+from gapsense.kernels.layout import Array, Choice, Scalar, Table
+from gapsense.kernels.trace import clip, cond, fabs, floor, load, locate, not_, where, where_each
 
 
 class Curve(NamedTuple):
@@ -230,15 +230,10 @@ def _one_pulse(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scal
     duty = clip((inputs.reference - par.pwm_low) / positive(par.pwm_high - par.pwm_low), 0.0, 1.0)
     pwm = Wave(par.pwm_low, par.pwm_high, Pulse(1.0 / par.pwm_frequency, duty, delay=0.0, first=ALWAYS))
     output = wave(inputs.reference, Bridge(par.bridge_kind, par.bridge_supply, par.bridge_frequency, par.bridge_levels))
-    chosen = _either(par.waveform == Waveform.step, edge, square)
-    chosen = _either(par.waveform == Waveform.pwm, pwm, chosen)
-    chosen = _either(par.waveform == Waveform.bridge, output, chosen)
+    chosen = where_each(par.waveform == Waveform.step, edge, square)
+    chosen = where_each(par.waveform == Waveform.pwm, pwm, chosen)
+    chosen = where_each(par.waveform == Waveform.bridge, output, chosen)
     return levels(chosen.low, chosen.high, *pulsed(inputs.time, inputs.dt, tolerance, chosen.pulse))
-
-
-def _either(condition: Scalar, a: Wave, b: Wave) -> Wave:
-    chosen: Wave = record(Wave, (where(condition, x, y) for x, y in zip(flat(a), flat(b))))
-    return chosen
 
 
 def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:

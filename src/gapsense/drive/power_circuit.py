@@ -17,9 +17,9 @@ from functools import partial
 from typing import NamedTuple
 
 from gapsense.kernels.elementary import exp
-from gapsense.kernels.integrate import crossing, least, next_part, rk4
-from gapsense.kernels.layout import Choice, Scalar, flat, record
-from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where
+from gapsense.kernels.integrate import added, crossing, least, next_part, rk4
+from gapsense.kernels.layout import Choice, Scalar
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where, where_each
 
 MICRO_STEPS = 100_000  # at most, per communication step
 FINENESS = 0.25  # micro-step at most, in time constants
@@ -222,7 +222,7 @@ def _micro_step(
     done = Circuit(
         stores=end,
         gates=_later(net, gates, length),
-        sums=record(Sums, (a + b for a, b in zip(flat(at.sums), flat(sums)))),
+        sums=added(at.sums, sums),
         current=then.current,
         voltage=then.voltage,
         path=where(way.is_blocked, 0.0, where(way.is_ahead, 1.0, -1.0)),
@@ -260,11 +260,11 @@ def _conduct(
     is_free = ahead.source >= back.source
     is_ahead = is_free | (ahead.current > 0.0)
     is_blocked = not_(is_ahead) & not_(back.current < 0.0)
-    path = _either(is_ahead, positive, negative)
+    path = where_each(is_ahead, positive, negative)
     is_changed = _is_changed(track, path, is_blocked) & (left < dt)
     is_first = is_changed & (left > BESIDE) & not_(track.edge < dt)
     is_past = keeps & (is_changed | (track.edge < dt))
-    path = _either(is_past, track.path, path)
+    path = where_each(is_past, track.path, path)
     is_blocked = (is_past & is_set(track.is_blocked)) | (not_(is_past) & is_blocked)
     track = Track(where(is_first, dt - left, track.edge), path, flag(is_blocked))
     return Way(
@@ -397,16 +397,12 @@ def _path(net: Net, gates: Gates, legs: tuple[Scalar, Scalar], is_forward: bool)
     fall, rise = net.diode._replace(offset=-net.diode.offset), net.diode._replace(bus=1.0)
     is_boosted = (net.topology == Topology.boost) & is_set(gates.boosting)
     upper, lower = legs
-    a = _either(
-        upper > 0.0, _either(is_boosted, store, link), _either(upper < 0.0, ground, fall if is_forward else rise)
+    a = where_each(
+        upper > 0.0, where_each(is_boosted, store, link), where_each(upper < 0.0, ground, fall if is_forward else rise)
     )
-    a = _either(net.topology <= Topology.low_side_resistor, link._replace(resistance=0.0), a)
-    b = _either(lower < 0.0, ground, _either(lower > 0.0, link, net.clamp if is_forward else fall))
+    a = where_each(net.topology <= Topology.low_side_resistor, link._replace(resistance=0.0), a)
+    b = where_each(lower < 0.0, ground, where_each(lower > 0.0, link, net.clamp if is_forward else fall))
     return Path(a.bus - b.bus, a.boost - b.boost, a.offset - b.offset, a.resistance + b.resistance)
-
-
-def _either(c: Scalar, a: Path, b: Path) -> Path:
-    return record(Path, (where(c, x, y) for x, y in zip(a, b)))  # type: ignore[no-any-return]
 
 
 def _draw(net: Net, y: Stores) -> tuple[Scalar, Scalar]:

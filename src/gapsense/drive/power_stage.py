@@ -32,7 +32,7 @@ from gapsense.drive.power_circuit import (
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
 from gapsense.kernels.layout import Choice, Scalar, blank
-from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where, where_each
 
 LEAST_CONDUCTANCE = 1e-9  # beside the coil: it blocks no current that matters, and needs no case of its own [S]
 WANDER = 0.2  # share by which a is taken to change in a step
@@ -122,10 +122,7 @@ class State(NamedTuple):
     """When the last step began, what was asked of it, and what it gave."""
 
     at: Circuit  # at its start
-    gate: Scalar
-    gate_low: Scalar
-    reference: Scalar
-    enable: Scalar
+    command: Command
     step: Scalar  # its length [s]
     held: Scalar  # voltage that it gave [V]
     began: Scalar  # m of the coil at its start, measured [A]
@@ -190,7 +187,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """A step for which the current at its end is given."""
     net, at, dt, start = net_of(par), state.at, inputs.dt, state.began
-    command = Command(inputs.gate, inputs.gate_low, inputs.reference, inputs.enable)
+    command = Command(*inputs[2:6])
     plain = _foreseen(par, state.learnt)
     floor, soon = FINE * par.supply_voltage * plain.inverse, where(dt < BESIDE, dt, BESIDE)
     begun, _ = advanced(net, plain, command, at, soon, False)  # what switches at once, whatever current comes
@@ -220,7 +217,7 @@ def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outp
     found = loop(PASSES, closer, Trial(drift=plain.drift, change=0.0, missing=0.0, then=at, edge=dt, held=0.0, m=0.0))
     then, held, m = found.then, found.held, found.m
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0)
-    last = State(at, *command, step=dt, held=held, began=start, inside=0.0, steady=flag(is_steady), learnt=state.learnt)
+    last = State(at, command, step=dt, held=held, began=start, inside=0.0, steady=flag(is_steady), learnt=state.learnt)
     learnt = cond(dt > LONG, lambda: _learn(last, m, par), lambda: state.learnt._replace(trend=0.0))
     return last._replace(at=then, began=m, learnt=learnt), _outputs(net, then, held, learnt.inverse, found.edge)
 
@@ -238,10 +235,9 @@ def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Output
     def known() -> tuple[Learnt, Circuit]:
         """What the last step tells of the coil, and the circuit after it, now that its current is known (7)."""
         learnt, is_inside = _learn(state, m, par), is_set(state.inside)
-        command = Command(state.gate, state.gate_low, state.reference, state.enable)
         before, after = _foreseen(par, state.learnt), _coil(par, learnt)
-        coil = Coil(*(where(is_inside, x, y) for x, y in zip(before, after)))
-        at, _ = advanced(net, coil, command, state.at, state.step, False)
+        coil = where_each(is_inside, before, after)
+        at, _ = advanced(net, coil, state.command, state.at, state.step, False)
         reached = where(is_inside, m, at.stores.magnetizing)
         return learnt, at._replace(stores=at.stores._replace(magnetizing=reached))
 
@@ -252,7 +248,7 @@ def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Output
 def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs: Inputs) -> tuple[State, Outputs]:
     """What the stage gives in the step that begins, where the coil has `m` and should have that of `at`."""
     dt = inputs.dt
-    command = Command(inputs.gate, inputs.gate_low, inputs.reference, inputs.enable)
+    command = Command(*inputs[2:6])
     then, track = advanced(net, coil, command, at, dt, False)
     held = where(dt > 0.0, _held(coil, m, then.stores.magnetizing, dt), then.voltage)
     outputs = _outputs(net, then, held, coil.inverse, track.edge)
@@ -260,7 +256,7 @@ def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs:
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
     state = State(
         at,
-        *command,
+        command,
         step=dt,
         held=held,
         began=m,

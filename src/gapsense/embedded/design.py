@@ -92,22 +92,17 @@ def needed(
     """
     state, published = (names(cls) for cls, _ in step.results)
     wanted = [name for name in published if name in outputs]
-    alive = _alive(step, set(state), wanted, printer)
+    alive: set[str] = set()  # states that the outputs depend on, today or later
+    while (found := _used(_returning(step, (alive, wanted)), printer)["state"] & {*state}) - alive:
+        alive |= found
     graphs = [_returning(graph, (alive, wanted)) for graph in (initial, step)]
     used = [_used(graph, printer) for graph in graphs]
     kept = {"state": [n for n in state if n in alive], "outputs": wanted}
     for name, cls, _ in initial.arguments:
         kept[name] = [entry for entry in names(cls) if any(entry in found[name] for found in used)]
-    first, second = (_taking(graph, kept) for graph in graphs)
+    taken = ([(n, *_part(cls, symbols, kept[n])) for n, cls, symbols in graph.arguments] for graph in graphs)
+    first, second = (graph._replace(arguments=arguments) for graph, arguments in zip(graphs, taken))
     return first, second, kept
-
-
-def _alive(step: Graph, every: set[str], outputs: Collection[str], printer: type[Printer]) -> set[str]:
-    """The states that the outputs depend on, today or later."""
-    alive: set[str] = set()
-    while (found := _used(_returning(step, (alive, outputs)), printer)["state"] & every) - alive:
-        alive |= found
-    return alive
 
 
 def _used(graph: Graph, printer: type[Printer]) -> dict[str, set[str]]:
@@ -123,13 +118,6 @@ def _returning(graph: Graph, wanted: Iterable[Collection[str]]) -> Graph:
     """The function with some of the entries of each record that it returns."""
     results = [_part(cls, entries, kept) for (cls, entries), kept in zip(graph.results, wanted)]
     return graph._replace(results=results)
-
-
-def _taking(graph: Graph, kept: dict[str, list[str]]) -> Graph:
-    """The function with some of the entries of each record that it takes."""
-    return graph._replace(
-        arguments=[(name, *_part(cls, symbols, kept[name])) for name, cls, symbols in graph.arguments]
-    )
 
 
 def _part(cls: type, values: list[Any], kept: Collection[str]) -> tuple[type, list[Any]]:

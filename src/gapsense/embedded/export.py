@@ -89,9 +89,13 @@ def written(designs: Sequence[Design]) -> Mapping[str, str]:
 
 
 def readme(designs: Sequence[Design]) -> str:
-    """Its text."""
+    """README of the exported C."""
     rows = ["| component | what it is | call its step | RAM, bytes |", "| --- | --- | --- | --- |"]
-    rows += [f"| `{d.name}` | {d.component.description} | {_when(d)} | {memory(d):,} |" for d in designs]
+    for d in designs:
+        period = sample_time(d)
+        when = f"every {1e6 * period:g} us (`sample_time`)" if period else "with any `dt`"
+        rows.append(f"| `{d.name}` | {d.component.description} | {when} | {memory(d):,} |")
+    survivors = ", ".join(f"`{design.name}`" for design in designs if design.component.survives)
     first = designs[0]
     return template("README.md").format(
         version=__version__,
@@ -100,7 +104,7 @@ def readme(designs: Sequence[Design]) -> str:
         first=first.name,
         kept="".join(f"\n{line}" for design in designs for line in _kept(design)),
         use="\n".join(_use(first)),
-        survives=_survivors(designs),
+        survives=f"\nLost readings (NaN) are accepted by {survivors}." if survivors else "",
     )
 
 
@@ -145,11 +149,6 @@ def check_memory(designs: Sequence[Design], ram: int, in_loop: bool = False) -> 
         )
 
 
-def _when(design: Design) -> str:
-    period = sample_time(design)
-    return f"every {1e6 * period:g} us (`sample_time`)" if period else "with any `dt`"
-
-
 def _use(design: Design) -> Iterator[str]:
     found, name = members(design), design.name
     kept = " and ".join(f"`{name}_{record}`" for record in ("constants", "state") if record in found)
@@ -159,11 +158,6 @@ def _use(design: Design) -> Iterator[str]:
         yield f"- `{name}_prepare` computes from them what a step needs: once, and again after each change."
     yield f"- `{name}_initial` takes the first sample{' and starts the state' * ('state' in found)}."
     yield f"- `{name}_step` does one step with every further sample."
-
-
-def _survivors(designs: Sequence[Design]) -> str:
-    names = [f"`{design.name}`" for design in designs if design.component.survives]
-    return f"\nLost readings (NaN) are accepted by {', '.join(names)}." if names else ""
 
 
 # The example: a main that plays the component's reference record and prints what the component gives.

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from gapsense.estimators import readings
 from gapsense.kernels.interface import option, output, parameter, ports, sample_time
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
-from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where
+from gapsense.kernels.trace import fabs, load, not_, sqrt, store, where, where_each
 
 EDGE = 0.25  # of the highest voltage of late: more begins an operation
 AGAIN = 0.5  # of that level: the next one begins only after less
@@ -147,7 +147,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     online = _estimates(now, state.resistance, par)
     offline = _estimates(_replayed(state, par), state.resistance, par)
     is_offline = par.offline > 0.0
-    outputs = Outputs(*(where(is_offline, b, a) for a, b in zip(online, offline)))
+    outputs = where_each(is_offline, offline, online)
     return state, outputs._replace(**found._asdict())
 
 

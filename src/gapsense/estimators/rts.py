@@ -103,9 +103,9 @@ def smooth_record(
                 smoothed[k] = later = _backward()(filtered[k], held[k], later, par)
             operations.append(_operation(first, landed, end, smoothed[landed - 1], limit(q[end]), par))
             if is_told:
-                told = _learnt(
-                    told, operations[-1], _gaussian(smoothed[landed - 1]), _gaussian(filtered[end]), limit(q[end]), par
-                )
+                last, before, after = operations[-1], _gaussian(smoothed[landed - 1]), _gaussian(filtered[end])
+                time, m = last.rest_time - last.landing_time, normalised(par)
+                told = kinks.learnt(told, before, last.impact_speed, time, after, limit(q[end]), m)
         elif operations and kind == BOUNCE:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
     return Posterior(_estimates(filtered, par), _estimates(smoothed, par), operations)
@@ -158,14 +158,6 @@ def _landing(
         count = kinks.impacted(whole, found.arrival, before, _gaussian(states[end]), stop, verdict.told, m)
     at = first + int(count)
     return at, tuple(flat(grounded(_gaussian(states[at]), stop))), bool(verdict.is_told), verdict.told
-
-
-def _learnt(
-    told: kinks.Told, last: Operation, before: Gaussian, end: Gaussian, stop: float, par: Parameters
-) -> kinks.Told:
-    """With the bounces of an operation; `before` is its last smoothed estimate."""
-    time = last.rest_time - last.landing_time
-    return kinks.learnt(told, before, last.impact_speed, time, end, stop, normalised(par))
 
 
 def _gaussian(state: tuple[float, ...]) -> Gaussian:

@@ -23,9 +23,8 @@ def complete(root: Element, component: Component, guid: str, version: str) -> El
     """Add to pythonfmu's `modelDescription.xml` what importers check; no build time: equal sources, equal bytes."""
     root.attrib.pop("generationDateAndTime", None)
     root.attrib.update(IDENTITY, guid=guid, version=version)
-    times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
     _insert(root, "LogCategories", units(component))
-    _insert(root, "ModelVariables", Element("DefaultExperiment", times))
+    _insert(root, "ModelVariables", experiment(component))
     annotations = Element("VendorAnnotations")
     SubElement(annotations, "Tool", name=TOOL).append(rules(component))
     _insert(root, "ModelVariables", annotations)
@@ -41,6 +40,12 @@ def text(root: Element) -> bytes:
     """The XML file."""
     indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{tostring(root, "unicode")}\n'.encode()
+
+
+def experiment(component: Component) -> Element:
+    """A fitting experiment."""
+    times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
+    return Element("DefaultExperiment", times)
 
 
 def _insert(root: Element, tag: str, new: Element) -> None:

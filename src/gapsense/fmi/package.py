@@ -14,7 +14,7 @@ from importlib import metadata
 from importlib.metadata import distribution
 from pathlib import Path
 from types import ModuleType
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 from uuid import UUID
 from xml.etree import ElementTree
 
@@ -232,17 +232,16 @@ def _license_of(package: str) -> bytes:
 
 def write(members: dict[str, bytes], path: Path) -> Path:
     """Write the archive in a fixed order with fixed times; a failure leaves the old one as it was, and nothing else."""
-    write_atomically(path, lambda file: archive_of(members, file.buffer))
+
+    def pack(file: TextIO) -> None:
+        with zipfile.ZipFile(file.buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name in sorted(members, key=lambda n: (n != "modelDescription.xml", n)):
+                info = zipfile.ZipInfo(name, EPOCH)
+                info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+                archive.writestr(info, members[name], compresslevel=9)
+
+    write_atomically(path, pack)
     return path
-
-
-def archive_of(members: Mapping[str, bytes], file: IO[bytes]) -> None:
-    """Write the members as a ZIP archive."""
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in sorted(members, key=lambda n: (n != "modelDescription.xml", n)):
-            info = zipfile.ZipInfo(name, EPOCH)
-            info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
-            archive.writestr(info, members[name], compresslevel=9)
 
 
 # Build an FMU in a process that may have loaded FMUs, or may load this one later.

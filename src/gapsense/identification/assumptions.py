@@ -74,17 +74,14 @@ def ask(names: Sequence[str], ports: Mapping[str, Port], where: str, source: str
     wanted = ", ".join(f"`{name}` ({_described(name, ports[name])})" for name in names)
     relative = f", or take the values of {source} with `--assume`, for a relative answer" if source else ""
     example = next((n for n in names if n == "stop.upper"), names[0])
+    key = f'"{example}"' if "." in example else example
     raise InputError(
         [
             f"{where}: {wanted}: missing or only assumed, and records do not show it. Give each as a line like"
-            f" `{_key(example)} = {ports[example].start!r}` below `[values]` in a file for `--parameters`"
+            f" `{key} = {ports[example].start!r}` below `[values]` in a file for `--parameters`"
             f"{more}{relative}."
         ]
     )
-
-
-def _key(name: str) -> str:
-    return f'"{name}"' if "." in name else name
 
 
 def _described(name: str, port: Port) -> str:

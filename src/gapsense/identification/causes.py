@@ -174,23 +174,22 @@ def _volts(s: Signals) -> float:
     return float(np.abs(s.halves).max())
 
 
-def _amperes(s: Signals) -> float:
-    return float(np.abs(s.current).max())
-
-
-def _ohms(s: Signals) -> float:
-    return s.resistance
-
-
 def _one(s: Signals) -> float:
     return 1.0
 
 
 CAUSES: Mapping[str, Cause] = {
     "delay": Cause("s", lambda s: s.dt, delayed, "a current that is late, beside the voltage, by", small=1e-2),
-    "offset": Cause("A", _amperes, lambda s, x: s._replace(current=s.current - x), "an offset of the current of"),
+    "offset": Cause(
+        unit="A",
+        scale=lambda s: float(np.abs(s.current).max()),
+        change=lambda s, x: s._replace(current=s.current - x),
+        sentence="an offset of the current of",
+    ),
     "shift": Cause("V", _volts, lambda s, x: s._replace(halves=s.halves - x), "an offset of the voltage of"),
-    "series": Cause("Ohm", _ohms, series, "a resistance in series while the voltage is on, of", is_positive=True),
+    "series": Cause(
+        "Ohm", lambda s: s.resistance, series, "a resistance in series while the voltage is on, of", is_positive=True
+    ),
     "drop": Cause("V", _volts, drop, "a drop while the current falls, of", is_positive=True),
     "eddy": Cause("S", lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", is_positive=True),
     "switched": Cause("V", _volts, switched, "a mean of the PWM that its samples do not tell, off by"),

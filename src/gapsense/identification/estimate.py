@@ -214,13 +214,17 @@ def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, 
     return {name: starts[name] for name in names if name not in given and name not in idle}
 
 
+def columns_of(record: Record, estimates: Sequence[Estimate]) -> dict[str, Vector]:
+    """What was recorded, and all outputs by `Estimator.output`."""
+    columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
+    return columns | {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
+
+
 def save(path: Path, record: Record, estimates: Sequence[Estimate]) -> Path:
     """CSV file of all outputs."""
-    columns = {"time": record.times, "voltage": record.voltage, "current": record.current}
-    columns |= {f"{e.name}.{name}": samples for e in estimates for name, samples in e.outputs.items()}
     units = {**UNITS, **{f"{e.name}.{name}": unit for e in estimates for name, unit in e.units.items()}}
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, lambda file: write_columns(file, columns, units))
+    write_atomically(path, lambda file: write_columns(file, columns_of(record, estimates), units))
     return path
 
 
@@ -412,7 +416,8 @@ def _panel(axis: Any, record: Record, estimates: Sequence[Estimate], name: str, 
         if f"smoothed_{name}" in estimate.outputs:
             published = estimate.outputs["smoothed_published"] > 0.5  # at the times that these belong to
             at, values = (estimate.outputs[f"smoothed_{signal}"][published] for signal in ("time", name))
-            axis.plot(1e3 * at, scale * values, ".", color=color, markersize=2, label=f"{estimate.name}, smoothed")
+            if at.size:
+                axis.plot(1e3 * at, scale * values, ".", color=color, markersize=2, label=f"{estimate.name}, smoothed")
     if name == "position" and record.position is not None:
         line(axis, record.times, scale * record.position, TRUE, "recorded", linestyle="--")
     low, high = np.percentile(np.concatenate(drawn), SHOWN)

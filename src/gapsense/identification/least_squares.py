@@ -72,7 +72,7 @@ def differences(values: Callable[[list[Vector]], Matrix], x: Vector, high: Vecto
 
 def finite(x: Vector) -> Vector:
     """With large numbers in place of what is none, as models far from any device give it."""
-    return np.nan_to_num(x, nan=FAR, posinf=FAR, neginf=-FAR)
+    return x if np.isfinite(x).all() else np.nan_to_num(x, nan=FAR, posinf=FAR, neginf=-FAR)
 
 
 def minimise(p: Problem, start: Vector, longest: int = 50, enough: float = 1e-8) -> Minimum:

@@ -37,6 +37,11 @@ def least(a: Scalar, b: Scalar) -> Scalar:
     return where(a < b, a, b)
 
 
+def added(sums: Any, more: Any) -> Any:
+    """A record of integrals with others, of a further step."""
+    return _as(sums, (a + b for a, b in zip(sums, more)))
+
+
 def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
     """States after `dt`, and the integrals of the integrands over `dt`; classical Runge-Kutta method of order 4.
 

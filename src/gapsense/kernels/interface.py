@@ -26,7 +26,7 @@ HERE = ("as its record",)  # feedthrough of an output that does not say any
 
 
 class Part(NamedTuple):
-    """In place of a port: a field that holds a record, whose outputs depend on these inputs."""
+    """In place of a port: a field that holds a record of outputs; `feedthrough` if it is not that of the others."""
 
     feedthrough: tuple[str, ...] = HERE
 
@@ -35,7 +35,7 @@ class Same(NamedTuple):
     """In place of a port: that of the field of the same name in another record."""
 
     record: Any
-    feedthrough: tuple[str, ...]
+    feedthrough: tuple[str, ...] = HERE
 
 
 # a further column of the table in the field before
@@ -45,19 +45,17 @@ SETTING: Any = partial(Port, causality="parameter", unit="1", variability="fixed
 
 
 # the ports of fields; they are Any, as the fields are
+part: Any = Part
+same: Any = Same
 
 
-def input_(unit: str, description: str, *, nominal: float = 1.0, start: float = 0.0, **more: Any) -> Any:
+def _real(causality: str, unit: str, description: str, **more: Any) -> Any:
+    return Port(**{"name": "", "causality": causality, "unit": unit, "description": description, **more})
+
+
+def input_(unit: str, description: str, **more: Any) -> Any:
     """A real input."""
-    return Port(
-        name=more.pop("name", ""),
-        causality="input",
-        unit=unit,
-        description=description,
-        start=start,
-        nominal=nominal,
-        **more,
-    )
+    return _real("input", unit, description, **more)
 
 
 def measured(unit: str, description: str, **more: Any) -> Any:
@@ -65,38 +63,20 @@ def measured(unit: str, description: str, **more: Any) -> Any:
     return input_(unit, description, source="sensor.{}_measured", **more)
 
 
-def output(unit: str, description: str, *, nominal: float = 1.0, **more: Any) -> Any:
+def output(unit: str, description: str, **more: Any) -> Any:
     """A real output, valid at the end of the step."""
-    more = {"feedthrough": HERE, **more}
-    return Port(
-        name=more.pop("name", ""),
-        causality="output",
-        unit=unit,
-        description=description,
-        start=None,
-        nominal=nominal,
-        **more,
-    )
+    return _real("output", unit, description, **{"start": None, "feedthrough": HERE, **more})
 
 
-def parameter(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
+def parameter(unit: str, description: str, start: float, **more: Any) -> Any:
     """A real parameter that may be changed during a run; its nominal value is its start value."""
-    more = {"variability": "tunable", **more}
-    return Port(
-        name=more.pop("name", ""),
-        causality="parameter",
-        unit=unit,
-        description=description,
-        start=start,
-        min=min,
-        nominal=abs(start) or 1.0,
-        **more,
-    )
+    usual = {"variability": "tunable", "nominal": abs(start) or 1.0}
+    return _real("parameter", unit, description, start=start, **{**usual, **more})
 
 
-def fixed(unit: str, description: str, start: float, *, min: float | None = None, **more: Any) -> Any:
+def fixed(unit: str, description: str, start: float, **more: Any) -> Any:
     """A real parameter that is set before the run."""
-    return parameter(unit, description, start, min=min, variability="fixed", **more)
+    return parameter(unit, description, start, variability="fixed", **more)
 
 
 def sample_time(start: float) -> Any:
@@ -127,16 +107,6 @@ def table(description: str, columns: tuple[str, ...], start: str, name: str = ""
     It stands at the field of the first column; those of the others are `COLUMN`.  A file is no default: that is empty.
     """
     return SETTING(name=name, description=description, start=start, kind="String", columns=columns)
-
-
-def part(feedthrough: tuple[str, ...] = HERE) -> Any:
-    """A field that holds a record of outputs; `feedthrough` if it differs from that of the other outputs."""
-    return Part(feedthrough)
-
-
-def same(record: Any, feedthrough: tuple[str, ...] = HERE) -> Any:
-    """The port that the field of the same name has in another record."""
-    return Same(record, feedthrough)
 
 
 def ports(feedthrough: tuple[str, ...] = ()) -> Callable[[T], T]:

@@ -260,6 +260,11 @@ def where(c: Any, a: Any, b: Any) -> Any:
     return _make("where", c, a, b) if isinstance(c, Expr) and not same else a if same or c else b
 
 
+def where_each(c: Any, a: T, b: T) -> T:
+    """`where` for each scalar of two records, or vectors, of one structure."""
+    return rebuild(a, iter([where(c, x, y) for x, y in zip(flatten(a), flatten(b))]))
+
+
 def flag(c: Any) -> Any:
     """A truth value as a record keeps it: 1 or 0."""
     return where(c, 1.0, 0.0)

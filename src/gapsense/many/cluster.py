@@ -274,7 +274,12 @@ class Site(WorkerPlugin):
         if identity() != self.pack.identity:
             raise RuntimeError(f"Gapsense {self.pack.identity[0]} is expected here, another one was found.")
         self.folder = temporary_folder()
-        self.paths = {path: str(self.unpacked(k, path)) for k, path in enumerate(self.pack.files)}
+        self.paths: dict[str, str] = {}  # of the client's files, here
+        for k, (path, content) in enumerate(self.pack.files.items()):
+            file = self.folder / str(k) / Path(path).name
+            file.parent.mkdir()
+            file.write_bytes(content)
+            self.paths[path] = str(file)
         self.job = self.made()
         self.servers: list[Server] = []  # at rest
         self.busy: list[Server] = []
@@ -290,13 +295,6 @@ class Site(WorkerPlugin):
         for server in left:
             server.close()
         shutil.rmtree(self.folder, ignore_errors=True)
-
-    def unpacked(self, number: int, path: str) -> Path:
-        """A file of the client's, here."""
-        file = self.folder / str(number) / Path(path).name
-        file.parent.mkdir()
-        file.write_bytes(self.pack.files[path])
-        return file
 
     def made(self) -> Job:
         """What the processes do, with the files that are here."""

@@ -16,8 +16,7 @@ import numpy.typing as npt
 
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.result.result import unit_of
-from gapsense.cosim.scenario.records import Port, Scenario, matching, recorded_signals, unit_of_key
-from gapsense.many.plan import Plan
+from gapsense.cosim.scenario.records import TIMES, Plan, Port, Scenario, matching, recorded_signals
 from gapsense.many.store import BITS, ERRORS, SIGNALS, WORDS
 from gapsense.tables import Value
 
@@ -156,4 +155,8 @@ def unit_of_varied(port: Port, scenario: Scenario, descriptions: Descriptions) -
     if port.component in descriptions:
         return descriptions[port.component].variables[port.variable].unit or ""
     name, _, key = port.variable.partition(".")
-    return unit_of_key(key, scenario.events[name], descriptions)
+    event = scenario.events[name]
+    of = event.target if key == "value" and event.action != "scale" else None
+    if event.when and key in ("when.above", "when.below"):
+        of = event.when.signal
+    return unit_of_varied(of, scenario, descriptions) if of else "s" if key in TIMES else ""

@@ -114,11 +114,6 @@ def leaves(own: Mapping[str, Any]) -> str:
     return problem
 
 
-def leaves_above_0(own: Mapping[str, Any]) -> str:
-    """What is wrong with limits of a lognormal distribution."""
-    return rising_above_0(own) or leaves(logarithmic(own))
-
-
 LIMITS = ("low", "high")
 DISTRIBUTIONS: Mapping[str, Distribution] = {
     name: Distribution(*entry)
@@ -127,7 +122,7 @@ DISTRIBUTIONS: Mapping[str, Distribution] = {
         "loguniform": (LIMITS, (), loguniform, rising_above_0, "Its logarithm is uniform"),
         "normal": (("mean", "std"), LIMITS, normal, leaves, "Normal; with limits, truncated"),
         "lognormal": (
-            *(("median", "sigma"), LIMITS, lognormal, leaves_above_0),
+            *(("median", "sigma"), LIMITS, lognormal, lambda own: rising_above_0(own) or leaves(logarithmic(own))),
             "Its logarithm is normal; limits as for `normal`",
         ),
         "integer": (LIMITS, (), integer, whole, "Whole numbers from `low` to `high`, all equally likely"),

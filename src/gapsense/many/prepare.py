@@ -3,31 +3,38 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense._os.files import SHOWN, fingerprint
 from gapsense.cosim.check import check_scenario, find_fmus, read_descriptions, taken, unmatched
-from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of
 from gapsense.cosim.scenario.fingerprint import deciding, facts
 from gapsense.cosim.scenario.read import STUDY, other_kind, read_draft, read_lists, read_rows, scenario_file, split
-from gapsense.cosim.scenario.records import MOST_RUNS, SECTION, Port, RowsColumn, Scenario, product, signals
+from gapsense.cosim.scenario.records import (
+    MOST_RUNS,
+    SECTION,
+    Block,
+    Plan,
+    Port,
+    RowsColumn,
+    Scenario,
+    product,
+    signals,
+)
 from gapsense.many.columns import OWN, columns_of
 from gapsense.many.draws import DISTRIBUTIONS, points
 from gapsense.many.keys import SECTIONS
-from gapsense.many.plan import Block, Plan
 from gapsense.many.worker import Many, thrifty
 from gapsense.parameters import is_file, located
 from gapsense.problems import ScenarioError
 from gapsense.shipped import example
-from gapsense.tables import TABLES, Table, Value, read_toml
+from gapsense.tables import TABLES, Table, read_toml
 
 
 @dataclass(frozen=True)
@@ -240,7 +247,7 @@ class Prepared:
         }
 
 
-def hashable(column: Sequence[Value] | npt.NDArray[Any]) -> Any:
+def hashable(column: Any) -> Any:
     """A column whose bytes are its values, or a list of these."""
     return column if isinstance(column, np.ndarray) and column.dtype != object else list(column)
 
@@ -285,19 +292,17 @@ def inspect(path: str | Path, fmus: str | Path | None, engine: str = AUTO) -> tu
     folder = find_fmus(scenario_file(study.scenario)) if chosen is None else Path(chosen)
     descriptions = read_descriptions(draft.scenario, folder, problems)
     read = taken(draft.scenario, descriptions)
-    plan = study.plan.over(read)
+    plan = replace(study.plan, blocks=(*read.plan.blocks, *study.plan.blocks))  # the scenario's own sweep comes first
     judged = judgeable(study, read, plan)
     problems += own_problems(study, read)
     problems += translated(check_scenario(judged, descriptions, draft.broken), study, read.path.name)
     if len(descriptions) == len(read.components):
         found = unmatched(study.signals, signals(descriptions), "trajectories.signals")
         problems += [f"{study.path.name}, {problem}" for problem in found]
-    return problems, None if problems else Prepared(study, many_of(study, runnable(judged, study), descriptions, plan))
-
-
-def many_of(study: Study, scenario: Scenario, descriptions: Descriptions, plan: Plan) -> Many:
-    """The runs of a study."""
-    return Many(
+    if problems:
+        return problems, None
+    scenario = runnable(judged, study)
+    many = Many(
         scenario=scenario,
         descriptions=descriptions,
         plan=plan,
@@ -307,6 +312,7 @@ def many_of(study: Study, scenario: Scenario, descriptions: Descriptions, plan: 
         files=study.files,
         tries=TRIES,
     )
+    return [], Prepared(study, many)
 
 
 def scenario_of(study: str | Path) -> Path | None:
@@ -361,7 +367,10 @@ def translated(found: Iterable[str], study: Study, file: str) -> list[str]:
     told: dict[str, list[str]] = {}
     for problem in (renamed(problem, study, file) for problem in found):
         told.setdefault(NUMBERS.sub("", problem), []).append(problem)
-    return [problem for alike in told.values() for problem in few(alike)]
+    for alike in told.values():
+        if (left := len(alike) - SHOWN) > 0:
+            alike[SHOWN:] = [f"{alike[0].partition(': ')[0]}: {left} more values are wrong."]
+    return [problem for alike in told.values() for problem in alike]
 
 
 def renamed(problem: str, study: Study, file: str) -> str:
@@ -373,9 +382,3 @@ def renamed(problem: str, study: Study, file: str) -> str:
                 name = "" if place.endswith(str(port)) else f", `{port}`"
                 return f"{study.path.name}, {place}{name}{end}{problem[len(head) :]}"
     return problem
-
-
-def few(alike: list[str]) -> list[str]:
-    """The first of some sentences that differ in numbers, and how many more there are."""
-    left = len(alike) - SHOWN
-    return alike[:SHOWN] + ([f"{alike[0].partition(': ')[0]}: {left} more values are wrong."] if left > 0 else [])

@@ -300,20 +300,16 @@ def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
 
 def mode_of(file: Path) -> str:
     """How SQLite keeps a change whole. A write-ahead log needs memory that all readers and writers share."""
-    if is_remote(file):
+    try:
+        mounts = [line.split()[1:3] for line in MOUNTS.read_text("utf-8", "replace").splitlines()]
+    except OSError:  # of a system that does not tell
+        mounts = []
+    above = {str(folder) for folder in file.resolve().parents}
+    kind = max(((len(place), kind) for place, kind in mounts if place in above), default=(0, ""))[1]
+    if kind in REMOTE:
         LOG.warning("%s: on a network file system there is no write-ahead log, and each run takes longer.", file)
         return "DELETE"
     return "WAL"
-
-
-def is_remote(file: Path) -> bool:
-    """True on a network file system, as far as the system tells."""
-    try:
-        mounts = [line.split()[1:3] for line in MOUNTS.read_text("utf-8", "replace").splitlines()]
-    except OSError:
-        return False
-    above = {str(folder) for folder in file.resolve().parents}
-    return max(((len(place), kind) for place, kind in mounts if place in above), default=(0, ""))[1] in REMOTE
 
 
 def wrong(connection: sqlite3.Connection) -> str:

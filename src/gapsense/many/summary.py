@@ -19,6 +19,7 @@ MOST_LEVELS = 12  # a parameter with at most so many values is shown value by va
 BINS = 60
 MANY, OUTERMOST = 1000, 0.001  # of more runs than these a share at both ends is left out of the bins
 LAYERS = 20  # of a parameter
+ROUNDING = 1e-9  # of a value, by which runs differ that are alike
 
 
 class Spread(NamedTuple):
@@ -148,8 +149,9 @@ def edges(values: Vector) -> Vector:
     """Edges of bins that hold all values, but of many the outermost thousandths."""
     out = OUTERMOST if values.size > MANY else 0.0
     low, high = quantiles(values, (out, 1.0 - out))
-    if not low < high:
-        low, high = low - 0.5, high + 0.5
+    size = max(abs(low), abs(high))
+    if not high - low > ROUNDING * size:  # as one value, which has bins of its own size about it
+        low, high = low - 0.5 * (size or 1.0), high + 0.5 * (size or 1.0)
     count = min(BINS, 1 + math.isqrt(values.size))
     return np.linspace(low, high, count + 1) if np.isfinite(low) else np.linspace(0.0, 1.0, count + 1)
 

@@ -28,11 +28,10 @@ from gapsense.cosim.run.engines import folder_of, refuse_unknown
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.fingerprint import deciding
 from gapsense.cosim.scenario.read import OVER, Document, Source, scenario_file
-from gapsense.cosim.scenario.records import MOST_RUNS, Scenario, product
+from gapsense.cosim.scenario.records import MOST_RUNS, Plan, Scenario, product
 from gapsense.cosim.show import pages
 from gapsense.many.columns import ENDED, columns_of, kind
 from gapsense.many.execute import Done, complete
-from gapsense.many.plan import Plan
 from gapsense.many.provenance import key, provenance
 from gapsense.many.store import ERRORS, SUFFIX, WORDS, Store, alone
 from gapsense.many.worker import Many, kept, thrifty
@@ -127,7 +126,7 @@ def sweep(
         file = None if out is None else Path(out) / f"{stem}{SUFFIX}"
         if file is not None:
             refuse_unwritable(*(file.with_suffix(ending) for ending in (SUFFIX, ".csv", ".json")))
-        own, plan = key_of(read, descriptions, measure), Plan((), seeds).over(read)
+        own, plan = key_of(read, descriptions, measure), Plan(read.plan.blocks, seeds)
         many = Many(
             scenario=read if measure or keep else thrifty(read),
             descriptions=descriptions,
@@ -143,15 +142,11 @@ def sweep(
             result = collect(many, store, done)
     if file is not None and not done.interrupted:
         changes = dict(scenario.changes) if isinstance(scenario, Document) else {}
-        about = {**provenance(read, file.parent), **of_sweep(Subject(read, descriptions), plan, own)}
+        fmus_used = {f"{name} ({d.path.name})": d.sha256 for name, d in descriptions.items()}
+        hashes = {"all": own, **Subject(read, descriptions).hashes(), **fmus_used}
+        about = {**provenance(read, file.parent), "runs": len(plan), "points": plan.points, "decided_by": hashes}
         save(result, {**about, "settings": changes, "engine": done.engine}, plan, file.with_suffix(".csv"))
     return result
-
-
-def of_sweep(subject: Subject, plan: Plan, key: str) -> dict[str, Any]:
-    """What was run, and hashes of what decides the numbers."""
-    fmus = {f"{name} ({d.path.name})": d.sha256 for name, d in subject.descriptions.items()}
-    return {"runs": len(plan), "points": plan.points, "decided_by": {"all": key, **subject.hashes(), **fmus}}
 
 
 def source_of(store: Store, scenario: Scenario) -> str:
@@ -169,8 +164,8 @@ def refuse_senseless(scenario: Scenario, seeds: int, workers: int, homeless: boo
     problems = []
     wrong = {name: count for name, count in (("seeds", seeds), ("workers", workers)) if count < 1}
     problems += [f"{name}: {count} found, at least 1 expected. Correct it." for name, count in wrong.items()]
-    if seeds * len(scenario.points()) > MOST_RUNS:
-        asked_for = product((len(scenario.points()), seeds))
+    if seeds * scenario.plan.points > MOST_RUNS:
+        asked_for = product((scenario.plan.points, seeds))
         problems.append(f"seeds: {asked_for} runs found, at most {MOST_RUNS} expected. Take fewer seeds.")
     is_random = bool(scenario.seeds) or any(event.is_random for event in scenario.events.values())
     if not is_random and not scenario.swept:
@@ -245,15 +240,11 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
 
 
 def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:
-    """Write both files; `plan` is what the sweep goes through."""
+    """Write both files, a row per run; `plan` is what the sweep goes through."""
     told = {**about, **sidecar(result, {run: plan.named(run) for run in result.errors})}
-    write_with_facts(path, columns(result), result.units, lambda digest: {**told, "sha256": digest})
-
-
-def columns(result: Sweep) -> Columns:
-    """One row per run: its number, the parameters of the grid, the metrics."""
     grid = {name: np.array(column, dtype=object) for name, column in result.grid.items()}
-    return {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+    columns: Columns = {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
+    write_with_facts(path, columns, result.units, lambda digest: {**told, "sha256": digest})
 
 
 def sidecar(result: Sweep, failed: Mapping[int, Mapping[str, Value]]) -> dict[str, Any]:

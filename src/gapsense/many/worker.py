@@ -22,9 +22,8 @@ from gapsense.cosim.run.apart import limit_of
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.recording import death, order_of, versions
 from gapsense.cosim.run.run import run_once
-from gapsense.cosim.scenario.records import Port, Scenario, matching
+from gapsense.cosim.scenario.records import Plan, Port, Scenario, matching
 from gapsense.many.columns import ERROR, Columns
-from gapsense.many.plan import Plan
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 

@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports, sample_time, seed
 from gapsense.kernels.layout import Array, Choice, Scalar, Vector
 from gapsense.kernels.random import normal, seeded, uniform
-from gapsense.kernels.trace import clip, floor, not_, where
+from gapsense.kernels.trace import clip, floor, not_, where, where_each
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes: lower stop (minimum gap), between the stops, upper stop
 
@@ -117,8 +117,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     new = _sampled(state, inputs, par)
     generator, u = uniform(new.generator)
     is_lost = u < par.dropout_probability
-    contact = Contact(*(where(is_lost, old, fresh) for old, fresh in zip(state.contact, new.contact)))
-    reading = Reading(*(where(is_lost, old, fresh) for old, fresh in zip(state.reading, new.reading)))
+    contact = where_each(is_lost, state.contact, new.contact)
+    reading = where_each(is_lost, state.reading, new.reading)
     return State(generator, contact, reading), _outputs(reading, where(is_lost, 1.0, 0.0))
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import re
 import shutil
 import sys
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
+from gapsense._os.files import finite
 from gapsense.cosim.check import check, described
 from gapsense.cosim.fmu.archive import UnusableError, shown
 from gapsense.cosim.fmu.descriptions import Description, Variable
@@ -25,7 +24,7 @@ from gapsense.ssp.carried import OF_COMPONENTS, OF_CONNECTIONS, WHOLE
 from gapsense.ssp.package import Package, opened
 from gapsense.ssp.structure import SINKS, Connector, Element, Link, Place, read_element
 from gapsense.ssp.units import Line, Units, conversion, read_units, together, units_of
-from gapsense.ssp.values import Given, Node, Reader
+from gapsense.ssp.values import Node, Reader
 from gapsense.ssp.words import DESCRIPTION, OSP, OWN, numbered, tag
 from gapsense.tables import Value, is_number
 
@@ -70,40 +69,11 @@ def refuse(path: Path, problems: list[str]) -> None:
 def content(package: Package, folder: Path, problems: list[str], notes: list[str], **options: Any) -> dict[str, Any]:
     """Tables of the scenario; FMUs and other files are put into its folder. Not complete if there are problems."""
     root, outer = read_structure(package, problems, notes)
-    told = Told(root, problems, notes)
-    components = [*outer.components()]
-    fmus = take_fmus(package, components, folder, problems)
-    descriptions = described_all(components, fmus, folder, problems)
-    units = all_units(root, list({d.path: None for d in descriptions.values()}), problems)
-    reader = Reader(
-        package=package,
-        units=units,
-        known={path: d.variables for path, d in descriptions.items()},
-        problems=problems,
-        notes=notes,
-    )
-    reader.read(outer)
-    reader.finish()
-    wiring = Wiring(outer, units, problems)
-    experiment = told.experiment(**options)
-    problems += [] if components else ["there is no component in it. Add one."]
+    maker = Maker(package=package, root=root, outer=outer, folder=folder, problems=problems, notes=notes)
+    experiment = maker.told.experiment(**options)
+    problems += [] if maker.components else ["there is no component in it. Add one."]
     if problems:
         return {}
-    names = plain_names([one.path for one in components])
-    notes += [f"`{one.name}` is called `{names[one.path]}`." for one in components if names[one.path] != one.name]
-    named = {path: f"{FMUS}/{file}" for path, file in fmus.items()}
-    maker = Maker(
-        components=components,
-        names=names,
-        fmus=named,
-        descriptions=descriptions,
-        wiring=wiring,
-        given=reader.given,
-        units=units,
-        told=told,
-        problems=problems,
-        notes=notes,
-    )
     data = maker.made(root.get("name", "") or package.path.stem, experiment)
     take_files(package, data, folder)
     return data
@@ -120,13 +90,6 @@ def read_structure(package: Package, problems: list[str], notes: list[str]) -> t
         return root, read_element(system, (), problems)
     except (ParseError, ValueError) as error:
         raise InputError([f"{package.path}: {error}"]) from error
-
-
-def all_units(root: Xml, fmus: list[Path], problems: list[str]) -> Units:
-    """Units of the FMUs, and those of the document, which go before them."""
-    units, other = together(map(units_of, fmus))
-    problems += [f"the unit `{shown(name)}` is not the same in two FMUs. Correct one of them." for name in other]
-    return {**units, **read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")}
 
 
 def take_fmus(package: Package, components: list[Element], folder: Path, problems: list[str]) -> dict[Place, str]:
@@ -195,33 +158,49 @@ SIGNAL = ("times", "values", "interpolation")
 ZERO: Mapping[str, Value] = {"Real": 0.0, "Boolean": False, "String": ""}
 
 
-@dataclass
 class Maker:
     """Makes the sections of a scenario; `problems` and `notes` take what is wrong, and what is left out."""
 
-    components: list[Element]
-    names: Mapping[Place, str]
-    fmus: Mapping[Place, str]  # as the scenario names them
-    descriptions: Mapping[Place, Description]
-    wiring: Wiring
-    given: Mapping[Node, Given]
-    units: Units
-    told: Told
-    problems: list[str]
-    notes: list[str]
-    connect: dict[str, str] = field(default_factory=dict)
-    connections: list[dict[str, Any]] = field(default_factory=list)
-    inputs: dict[str, Any] = field(default_factory=dict)
-    seeds: dict[str, Value] = field(default_factory=dict)
-    idle: list[str] = field(default_factory=list)
-    reached: set[Node] = field(default_factory=set)  # where values come from
+    def __init__(
+        self, package: Package, root: Xml, outer: Element, folder: Path, problems: list[str], notes: list[str]
+    ) -> None:
+        self.problems, self.notes = problems, notes
+        self.told, self.components = Told(root, problems, notes), [*outer.components()]
+        fmus = take_fmus(package, self.components, folder, problems)
+        self.fmus = {path: f"{FMUS}/{file}" for path, file in fmus.items()}  # as the scenario names them
+        self.descriptions = described_all(self.components, fmus, folder, problems)
+        files = dict.fromkeys(d.path for d in self.descriptions.values())
+        shared, other = together(map(units_of, files))
+        problems += [f"the unit `{shown(name)}` is not the same in two FMUs. Correct one of them." for name in other]
+        own = read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")
+        self.units = {**shared, **own}  # those of the document go before
+        known = {path: d.variables for path, d in self.descriptions.items()}
+        reader = Reader(package=package, units=self.units, known=known, problems=problems, notes=notes)
+        reader.read(outer)
+        reader.finish()
+        self.given, self.wiring = reader.given, Wiring(outer, self.units, problems)
+        self.names = plain_names([one.path for one in self.components])
+        self.connect: dict[str, str] = {}
+        self.connections: list[dict[str, Any]] = []
+        self.inputs: dict[str, Any] = {}
+        self.seeds: dict[str, Value] = {}
+        self.idle: list[str] = []
+        self.reached: set[Node] = set()  # where values come from
 
     def made(self, title: str, experiment: Mapping[str, Any]) -> dict[str, Any]:
         """Tables of the scenario."""
+        renamed = ((one.name, self.names[one.path]) for one in self.components)
+        self.notes += [f"`{name}` is called `{new}`." for name, new in renamed if name != new]
         base = experiment.get("base_step")
         components = {self.names[one.path]: self.component(one, base) for one in self.components}
-        self.refuse_strange_ends()
-        self.note_unused()
+        for path, connector in self.wiring.edges:  # the check of the scenario sees the other ends
+            if path in self.descriptions and connector not in (known := self.descriptions[path].variables):
+                found = f"its FMU has no `{shown(connector)}`"
+                self.problems.append(f"{self.names[path]}: {found}. {suggest(connector, known)}")
+        for node in self.given:
+            if node[0] not in self.descriptions and node not in self.reached:
+                left = f"`{name_of(node)}` is connected to no component, and left out"
+                self.notes.append(f"{self.given[node].place}: {left}.")
         if self.idle:
             self.notes.append(f"nothing drives {listing(self.idle)}; they keep the start values of their FMUs.")
         about = {
@@ -301,13 +280,6 @@ class Maker:
         every = ((path, v) for path, own in self.descriptions.items() for v in own.variables.values())
         return {(path, v.name): v.unit or "" for path, v in every}
 
-    def note_unused(self) -> None:
-        """Note values of connectors of systems that arrive nowhere."""
-        for node in self.given:
-            if node[0] not in self.descriptions and node not in self.reached:
-                name = shown(".".join((*node[0], node[1])))
-                self.notes.append(f"{self.given[node].place}: `{name}` is connected to no component, and left out.")
-
     def way(self, node: Node) -> Way | None:
         """Where an input gets its value from."""
         way = self.wiring.way(node, self.units_of_variables, self.given)
@@ -333,13 +305,6 @@ class Maker:
             said = f"it is in `{shown(given.unit)}`, `{unit}` is expected, and there is no conversion"
             self.problems.append(f"{given.place}: {said}. Define both units, or correct one.")
         return converted(given.value, (line or Line()).then(given.line))
-
-    def refuse_strange_ends(self) -> None:
-        """Note connections to what an FMU does not have; the check of the scenario sees the other ends."""
-        for path, connector in self.wiring.edges:
-            if path in self.descriptions and connector not in self.descriptions[path].variables:
-                known = suggest(connector, self.descriptions[path].variables)
-                self.problems.append(f"{self.names[path]}: its FMU has no `{shown(connector)}`. {known}")
 
 
 def converted(value: Value, line: Line) -> Value:
@@ -452,16 +417,12 @@ class Told:
         }
 
 
-def finite(text: str) -> float | None:
-    """The finite number that a text holds, or None."""
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
 # Nested systems as one level: each input of a component is followed back to where its value comes from.
+
+
+def name_of(node: Node) -> str:
+    """A connector or a variable, as messages name it."""
+    return shown(".".join((*node[0], node[1])))
 
 
 class Edge(NamedTuple):
@@ -513,7 +474,10 @@ class Wiring:
                     f"{system.name}, {place}: both ends {'give' if gives else 'take'} a value. Correct it."
                 )
             else:
-                self.join(*((one, other) if gives else (other, one)), link, f"{system.name}, {place}")
+                source, sink = (one, other) if gives else (other, one)
+                if sink in self.edges:
+                    self.problems.append(f"{system.name}, {place}: `{name_of(sink)}` is connected twice. Keep one.")
+                self.edges.setdefault(sink, Edge(source, link))
 
     def end(self, system: Element, element: str, connector: str) -> tuple[Node, bool] | None:
         """An end of a connection, and whether it gives a value; a system's own input gives it to those inside."""
@@ -522,13 +486,6 @@ class Wiring:
         if owner is None or found is None:
             return None
         return (owner.path, connector), (found.kind in SINKS) == (owner is system)
-
-    def join(self, source: Node, sink: Node, link: Link, place: str) -> None:
-        """Let a connector get its value from another one."""
-        if sink in self.edges:
-            self.problems.append(f"{place}: `{shown('.'.join((*sink[0], sink[1])))}` is connected twice. Keep one.")
-        else:
-            self.edges[sink] = Edge(source, link)
 
     def way(self, sink: Node, units: Mapping[Node, str], given: Collection[Node]) -> Way | None:
         """Where an input of a component gets its value from, or None if nothing is connected to it.
@@ -556,8 +513,7 @@ class Wiring:
             if unit and own and unit != own and not link.suppress:
                 found = conversion(unit, own, self.units)
                 if found is None:
-                    name = shown(".".join((*node[0], node[1])))
-                    said = f"`{name}` is in `{shown(own)}`, what it gets is in `{shown(unit)}`"
+                    said = f"`{name_of(node)}` is in `{shown(own)}`, what it gets is in `{shown(unit)}`"
                     self.problems.append(f"{said}, and there is no conversion. Define both units, or correct one.")
                 made = made.then(found or Line())
             made, unit = made.then(link.line), own or unit

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, fromstring
 
-from gapsense._os.files import state
+from gapsense._os.files import remembered
 from gapsense.cosim.fmu.archive import DESCRIPTION
 from gapsense.ssp.words import tag
 from gapsense.units import UNITS, base_exponents
@@ -70,25 +69,15 @@ def read_units(root: Element, path: str) -> dict[str, BaseUnit]:
     return {name: read_base(base) for name, base in bases.items() if base is not None}
 
 
+@remembered
 def units_of(fmu: Path) -> Units:
     """Units that an FMU defines, and ours for names that it leaves undefined; its description was read before."""
-    return remembered(fmu, *state(fmu))
-
-
-@lru_cache(maxsize=64)
-def remembered(fmu: Path, *_: int) -> Units:
-    """Units of a file in some state."""
     with zipfile.ZipFile(fmu) as archive:
         root = fromstring(archive.read(DESCRIPTION))
     bases = {unit.get("name", ""): unit.find("BaseUnit") for unit in root.iterfind("UnitDefinitions/Unit")}
-    ours = {name: BaseUnit(own_exponents(name)) for name in UNITS}
+    powers = {name: base_exponents(name) for name in UNITS}
+    ours = {name: BaseUnit(tuple(own.get(base, 0) for base in EXPONENTS)) for name, own in powers.items()}
     return {**ours, **{name: read_base(base) for name, base in bases.items() if base is not None}}
-
-
-def own_exponents(name: str) -> tuple[int, ...]:
-    """Exponents of one of our units."""
-    powers = base_exponents(name)
-    return tuple(powers.get(base, 0) for base in EXPONENTS)
 
 
 def together(found: Iterable[Units]) -> tuple[dict[str, BaseUnit], list[str]]:

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from gapsense.cosim.fmu.descriptions import Description
 from gapsense.cosim.run.events import Director
 from gapsense.cosim.run.part import Stage, constants, player
 from gapsense.cosim.run.recording import Recording, Take, new_marks, shape
 from gapsense.cosim.scenario.read import varied
 from gapsense.fmi.values import ValuesError
 from gapsense.fmi.values import problems as refused
+from gapsense.kernels.lanes.plan import columns_in_c
 from gapsense.kernels.layout import names
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 from gapsense.vectors import library
-from gapsense.vectors.library import aligned, columns, table
+from gapsense.vectors.library import aligned, table
 from gapsense.vectors.model import Member, Model, of_parameters
 
 Values = Mapping[str, Value]
@@ -104,7 +104,7 @@ class Block:
                     self.set_parameters(member, lane)
             except (ValuesError, OSError):
                 self.lose(lane)
-        self.runs.columns = columns(self.arrays)
+        self.runs.columns = columns_in_c(self.arrays)
 
     def set_parameters(self, member: Member, lane: int) -> None:
         """Numbers and tables of a part's kernel; a table that is longer or shorter than the others' loses the run."""
@@ -237,14 +237,9 @@ def given_of(member: Member, take: Take, model: Model) -> dict[str, Value]:
     component, description = member.component, model.subject.descriptions[member.component.name]
     own: dict[str, Value] = {"seed": take.seeds[component.name]} if component.name in take.seeds else {}
     own |= {port.variable: value for port, value in take.values.items() if port.component == component.name}
-    return {name: typed(description, name, value) for name, value in {**component.values, **own}.items()}
-
-
-def typed(description: Description, name: str, value: Value) -> Value:
-    """A value as the variable has it."""
-    variable = description.variables[name]
-    number = variable.number(value)
-    return float(number) if variable.type == "Real" else number
+    variables = {name: description.variables[name] for name in (*component.values, *own)}
+    values = {name: variables[name].number(value) for name, value in {**component.values, **own}.items()}
+    return {name: float(value) if variables[name].type == "Real" else value for name, value in values.items()}
 
 
 def parameters_of(model: Model, given: Mapping[str, Values]) -> Iterator[tuple[str, Value]]:

@@ -24,7 +24,7 @@ from gapsense.kernels.emit.lanes import is_array
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, OverRuns, over_runs
 from gapsense.kernels.lanes.library import addresses, loaded, with_types
-from gapsense.kernels.lanes.plan import Column
+from gapsense.kernels.lanes.plan import Column, columns_in_c
 from gapsense.kernels.layout import fields, names
 
 SOURCE = Path(__file__).resolve().with_name("loop.c")
@@ -198,11 +198,6 @@ def ranges(p: Places) -> list[Any]:
     return [Range(*end) for end in ends]
 
 
-def columns(arrays: Sequence[npt.NDArray[np.float64]]) -> Any:
-    """Arrays (numbers, runs), for C."""
-    return (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
-
-
 def table(entry: Sequence[float], width: int) -> npt.NDArray[np.float64]:
     """A table that all runs of a vector have: (numbers, runs)."""
     return np.repeat(np.array(entry, dtype=np.float64)[:, None], width, axis=1)
@@ -269,7 +264,7 @@ def filtered(
                 arrays[at.tables[k]] = table(entry, width)
             else:
                 v[at.par[k]] = entry
-        block = Runs(columns=columns(arrays), count=count, v=v.ctypes.data, data=data.ctypes.data)
+        block = Runs(columns=columns_in_c(arrays), count=count, v=v.ctypes.data, data=data.ctypes.data)
         c.prepare(part, block)
         c.filter(grid, block, part, signals, first, recorded, len(chosen), samples)
         failed[first : first + count] = v[lost, :count] != 0.0

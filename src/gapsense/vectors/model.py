@@ -64,7 +64,10 @@ class Model:
     def part(self, member: Member) -> Any:
         """Structure of a part."""
         component = member.component
-        wires, stages = self.layout.wires(self.scenario.connections, component.name), self.stages_of(component)
+        wires = self.layout.wires(self.scenario.connections, component.name)
+        slots = self.layout.slots_of(component.name)
+        places = {name: range(self.stages[name], self.stages[name] + STAGE) for name in slots}
+        stages = [library.Stage(*slot, *places[name]) for name, slot in slots.items()]
         duration, period = component.step * self.experiment.base_step, self.periods[component.name]
         played = {port.component for port in self.scenario.played}
         return structure(
@@ -78,11 +81,6 @@ class Model:
             every=component.step,
             offset=component.offset,
         )
-
-    def stages_of(self, component: Component) -> list[Any]:
-        """What events do to inputs of a part."""
-        slots, first = self.layout.slots_of(component.name), self.stages
-        return [library.Stage(*slot, *range(first[name], first[name] + STAGE)) for name, slot in slots.items()]
 
     def samples(self, component: Component, duration: float, period: float) -> Any:
         """How many samples fall due in each step; None if it is always one, at the end of the step."""

@@ -7,8 +7,8 @@ import json
 import struct
 from array import array
 from base64 import b64decode, b64encode
-from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -48,15 +48,20 @@ class OnBoard(Instance):
         self.cause, self.is_running, self.duration = "", False, 0.0
         self.period = self.elapsed = self.start = 0.0
         try:
-            self.learn(wanted)
-        except BoardError as error:
+            with self.explained():
+                self.learn(wanted)
+        except FmuError:
             super().close()
-            raise self.error(error) from error
+            raise
 
-    def error(self, error: BoardError, time: float | None = None, step: int | None = None) -> FmuError:
-        """What is wrong with the board as the error of its component."""
-        self.cause = f"the board `{self.link.line.board}` {error}."
-        return FmuError(self.name, self.cause, time=time, step=step, log=self.log())
+    @contextmanager
+    def explained(self) -> Iterator[None]:
+        """Tell what is wrong with the board as the error of its component."""
+        try:
+            yield
+        except BoardError as error:
+            self.cause = f"the board `{self.link.line.board}` {error}."
+            raise self.error(self.cause) from error
 
     def learn(self, wanted: Collection[str]) -> None:
         """Find the component on the board, and what it calls its inputs, outputs and parameters."""
@@ -128,12 +133,10 @@ class OnBoard(Instance):
         """Call an entry point; at the end of the initialization the board starts too."""
         super().call(function, *arguments)
         if function == "fmi2ExitInitializationMode":
-            try:
+            with self.explained():
                 self.send_parameters()
                 self.elapsed = 0.0
                 self.move_once(START, self.start, 0.0)
-            except BoardError as error:
-                raise self.error(error) from error
             self.is_running = True
 
     def send_parameters(self) -> None:
@@ -185,9 +188,9 @@ class OnBoard(Instance):
             if status > WARNING:
                 return status
             try:
-                self.advance(start + duration, duration)
-            except BoardError as error:
-                self.error(error)
+                with self.explained():
+                    self.advance(start + duration, duration)
+            except FmuError:  # which `failure` makes again, with the time of the step
                 return ERROR
             self.compare()
             return status
@@ -211,23 +214,19 @@ class OnBoard(Instance):
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed, or for a board that does."""
         if self.cause:
-            return FmuError(self.name, self.cause, time=time, step=step, log=self.log())
+            return self.error(self.cause, time, step)
         return super().failure(function, status, time, step)
 
     def change(self, name: str, value: Value) -> None:
         """Set a variable during a run."""
         super().change(name, value)
-        try:
+        with self.explained():
             self.send_parameters()
-        except BoardError as error:
-            raise self.error(error) from error
 
     def state(self) -> bytes:
         """All that the FMU and the board remember."""
-        try:
+        with self.explained():
             there = self.link.whole(SAVE, self.place, 0, self.state_size)
-        except BoardError as error:
-            raise self.error(error) from error
         both = [b64encode(part).decode() for part in (super().state(), there)]
         return json.dumps([*both, self.found.tolist(), self.elapsed]).encode()
 
@@ -236,12 +235,10 @@ class OnBoard(Instance):
         here, there, found, self.elapsed = json.loads(saved)
         super().restore(b64decode(here))
         content, room = b64decode(there), self.link.most - 4
-        try:
+        with self.explained():
             self.send_parameters()
             for at in range(0, len(content), room):
                 self.ask(LOAD, struct.pack("<I", at) + content[at : at + room])
-        except BoardError as error:
-            raise self.error(error) from error
         self.found = np.array(found)
 
     # What is told of the board after a run.

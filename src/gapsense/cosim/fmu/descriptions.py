@@ -380,7 +380,9 @@ def opened(
     try:
         root, text = mended(data)
         model = read_model(text)
-        add_limits(model, root)
+        elements = {e.get("name"): e for e in root.iterfind("ModelVariables/*") if e.tag.startswith("UInt")}
+        for v in (v for v in model.modelVariables if v.name in elements):  # whose limits fmpy leaves out
+            v.min, v.max = elements[v.name].get("min"), elements[v.name].get("max")
         moved = [v for v in model.modelVariables if not (v.alias is not None and v.causality in ("input", "parameter"))]
         variables = {scalar.name: scalar for v in moved for scalar in scalars(v, sizes)}
         return model, variables, read_rules(root, variables), members
@@ -389,14 +391,6 @@ def opened(
     except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
         why = shortened(" ".join(str(error).split()))
         raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
-
-
-def add_limits(model: Any, root: Element) -> None:
-    """Add the limits of unsigned numbers, which fmpy leaves out."""
-    elements = {e.get("name"): e for e in root.iterfind("ModelVariables/*") if e.tag.startswith("UInt")}
-    for v in model.modelVariables:
-        if v.name in elements:
-            v.min, v.max = elements[v.name].get("min"), elements[v.name].get("max")
 
 
 def step_size(model: Any) -> float | None:
@@ -482,17 +476,14 @@ def mended(data: bytes) -> tuple[Element, bytes]:
     version = root.get("fmiVersion", "without a version")
     if version != "2.0" and not version.startswith("3.0"):
         raise UnusableError(f"FMI {shown(version)} found, FMI 2.0 or 3.0 co-simulation expected. Export it as that.")
-    found = [variable for variable in root.iterfind("ModelVariables/ScalarVariable") if lacks_variability(variable)]
-    for variable in found:
-        variable.set("variability", "fixed" if variable.get("causality") in PARAMETERS else "discrete")
+    found = []
+    for variable in root.iterfind("ModelVariables/ScalarVariable"):
+        is_parameter = variable.get("causality") in PARAMETERS
+        if "variability" not in variable.attrib and (is_parameter or any(child.tag in NOT_REAL for child in variable)):
+            variable.set("variability", "fixed" if is_parameter else "discrete")
+            found.append(variable)
     refuse_dangling(root)
     return root, tostring(root, "utf-8", xml_declaration=True) if found else data
-
-
-def lacks_variability(variable: Element) -> bool:
-    """True for a variable of FMI 2.0 whose default variability its causality or its type rules out."""
-    is_other = any(child.tag in NOT_REAL for child in variable)
-    return "variability" not in variable.attrib and (is_other or variable.get("causality") in PARAMETERS)
 
 
 def refuse_dangling(root: Element) -> None:

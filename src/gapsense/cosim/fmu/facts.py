@@ -105,23 +105,14 @@ def origin(model: Any) -> str:
 def line(v: Any, moved: Variable | None, choices: tuple[str, ...]) -> Line:
     """A variable as texts; `moved` is what a run knows of it, of a kind that is moved."""
     size = "x".join(map(str, v.shape or ()))
-    kind = f"{v.type}{f', array of {size}' if size else ''}"
     found = moved
     if found is None and v.type not in NOT_MOVED and not v.dimensions:
         found = variable(v)
-    if found is None:
-        return Line(
-            name=printable(v.name),
-            unit=printable(v.unit or ""),
-            start=shortened(v.start),
-            range=kind,
-            description=told(v.description),
-        )
     return Line(
         name=printable(v.name),
-        unit=printable(found.unit or ""),
-        start=start_of(found),
-        range=range_of(found, choices),
+        unit=printable((found or v).unit or ""),
+        start=start_of(found) if found else shortened(v.start),
+        range=range_of(found, choices) if found else f"{v.type}{f', array of {size}' if size else ''}",
         description=told(v.description),
     )
 

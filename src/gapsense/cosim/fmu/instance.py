@@ -193,7 +193,7 @@ class Instance:
             with process_kept():
                 self.loaded = self.instantiated(folder)
         except (OSError, AttributeError) as error:  # AttributeError: the library lacks a function
-            raise FmuError(name, f"cannot be instantiated: {error}{self.said()}.", log=self.log()) from error
+            raise self.error(f"cannot be instantiated: {error}{self.said()}.") from error
         self.pointer = ctypes.c_void_p(self.loaded.component)
 
     def instantiated(self, folder: Path) -> Loaded:
@@ -218,8 +218,7 @@ class Instance:
             try:
                 self.entries[name] = self.loaded.library[self.entry(name)]
             except AttributeError:
-                cause = f"its library has no function `{self.entry(name)}`. Export it again."
-                raise FmuError(self.name, cause, log=self.log()) from None
+                raise self.error(f"its library has no function `{self.entry(name)}`. Export it again.") from None
         return self.entries[name]
 
     def call(self, function: str, *arguments: Any) -> None:
@@ -232,13 +231,14 @@ class Instance:
         """Error for a call that failed; the instance counts as dead if it said `fmi2Fatal`."""
         self.failed, self.status, self.is_dead = function, status, self.is_dead or status == FATAL
         if status == ASTRAY:
-            found = (
-                f"{self.entry(function)} reported that it reached t = {self.last:.9g} s, the end of the step expected"
-            )
-            cause = f"{found}. {STEADY}{self.said()}."
-            return FmuError(self.name, cause, time=time, step=step, log=self.log())
-        word = self.entry(STATUS[status]) if 0 <= status < len(STATUS) else f"status {status}"
-        cause = f"{self.entry(function)} returned {word}{self.said()}."
+            found = f"reported that it reached t = {self.last:.9g} s, the end of the step expected. {STEADY}"
+        else:
+            word = self.entry(STATUS[status]) if 0 <= status < len(STATUS) else f"status {status}"
+            found = f"returned {word}"
+        return self.error(f"{self.entry(function)} {found}{self.said()}.", time, step)
+
+    def error(self, cause: str, time: float | None = None, step: int | None = None) -> FmuError:
+        """An error of this component, with all that it has logged."""
         return FmuError(self.name, cause, time=time, step=step, log=self.log())
 
     def said(self) -> str:
@@ -452,12 +452,7 @@ def summary(text: str) -> str:
 
 def instance_of(name: str, description: Description, folder: Path) -> Instance:
     """An FMU of either version, loaded as `name` from its unpacked `folder`."""
-    return kind_of(description)(name, description, folder)
-
-
-def kind_of(description: Description) -> type[Instance]:
-    """What stands for instances of an FMU of its version."""
-    return Instance3 if description.fmi == 3 else Instance
+    return (Instance3 if description.fmi == 3 else Instance)(name, description, folder)
 
 
 class Instance3(Instance):

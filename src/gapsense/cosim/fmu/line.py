@@ -320,7 +320,3 @@ class Link:
                 break
             found += part
         return found
-
-    def close(self) -> None:
-        """Close the line."""
-        self.line.close()

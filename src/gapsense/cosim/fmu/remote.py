@@ -34,9 +34,9 @@ from gapsense.cosim.fmu.instance import (
     STEP,
     WARNING,
     Instance,
+    Instance3,
     Message,
     instance_of,
-    kind_of,
 )
 from gapsense.problems import FmuError
 from gapsense.tables import Value
@@ -50,11 +50,9 @@ class RemoteInstance(Instance):
     """An FMU loaded as `name` from its extracted `folder` elsewhere; `limit` [s] is for each answer from there."""
 
     is_near = False
-    kind: type[Instance]
 
     def __init__(self, name: str, description: Description, folder: Path, limit: float) -> None:
         self.name, self.description, self.pointer = name, description, ctypes.c_void_p()
-        self.kind = kind_of(description)
         self.messages: deque[Message] = deque(maxlen=KEPT)
         self.is_dead = self.is_used = self.is_set = self.is_read = False
         self.cause = ""  # how the process has ended
@@ -66,7 +64,7 @@ class RemoteInstance(Instance):
             Thread(target=self.watch, daemon=True).start()
             self.process.prepare(prepare, str(home))
             if self.request("load")[0] > WARNING:
-                raise FmuError(name, self.cause or self.failed, log=self.log())
+                raise self.error(self.cause or self.failed)
         except BaseException:
             self.close()
             raise
@@ -104,19 +102,7 @@ class RemoteInstance(Instance):
 
     def function(self, name: str) -> Callable[..., int]:
         """What stands for an entry point here; only those that the master calls itself."""
-        return lambda _: self.request("call", name)[0]
-
-    def entry(self, function: str) -> str:
-        """Name that the FMU's version of FMI has for an entry point of FMI 2.0."""
-        return self.kind.entry(self, function)
-
-    def c_type(self, variable: Variable) -> Any:
-        """Type of C that a variable has."""
-        return self.kind.c_type(self, variable)
-
-    def accessor(self, action: str, variable: Variable) -> str:
-        """Entry point that gets or sets values of this variable's type."""
-        return self.kind.accessor(self, action, variable)
+        return lambda _: self.request("call", [name])[0]
 
     def mover(self, action: str, variables: Sequence[Variable], values: Any) -> Callable[[], int]:
         """Function that gets or sets the values of variables of one type, an array, and returns the status."""
@@ -147,7 +133,7 @@ class RemoteInstance(Instance):
     def sloper(self, variables: Sequence[Variable], slopes: Any) -> Callable[[], int]:
         """Function that tells how Real inputs go on in the next step, by an array [1/s], and returns the status."""
         names = [variable.name for variable in variables]
-        return lambda: self.request("slopes", [names, plain(slopes)])[0]
+        return lambda: self.request("slope", [names, plain(slopes)])[0]
 
     def doer(self, duration: float) -> Callable[[float], int]:
         """Function of the start time that sets new inputs, does a step, reads Real outputs, and returns the status."""
@@ -163,8 +149,7 @@ class RemoteInstance(Instance):
     def failure(self, function: str, status: int, time: float | None = None, step: int | None = None) -> FmuError:
         """Error for a call that failed, or ended the process."""
         if self.cause:
-            where = "in its step" if step else f"in `{function}`"
-            return FmuError(self.name, f"{self.cause}, {where}.", time=time, step=step, log=self.log())
+            return self.error(f"{self.cause}, {'in its step' if step else f'in `{function}`'}.", time, step)
         return super().failure(self.failed or function, status, time, step)
 
     def initialize(self, values: Mapping[str, Value], start: float, stop: float) -> None:
@@ -184,17 +169,26 @@ class RemoteInstance(Instance):
 
     def hold(self, name: str) -> None:
         """Keep the state as it is now under a name, for `back`."""
-        self.wanted("hold", name)
+        self.wanted("hold", [name])
 
     def back(self, name: str) -> None:
         """Go back to the state that is held under this name."""
-        self.wanted("back", name)
+        self.wanted("back", [name])
 
     def close(self) -> None:
         """Free the instance, and end its process."""
         self.is_dead = True
         self.ended.set()
         self.process.close()
+
+
+class RemoteInstance3(RemoteInstance, Instance3):
+    """The same for an FMU of FMI 3.0."""
+
+
+def remote_instance(name: str, description: Description, folder: Path, limit: float) -> RemoteInstance:
+    """An FMU of either version of FMI in a process of its own."""
+    return (RemoteInstance3 if description.fmi == 3 else RemoteInstance)(name, description, folder, limit)
 
 
 # The process of one FMU instance, seen from inside.
@@ -251,12 +245,10 @@ class Server:
         self.process = os.getpid()
         self.last: Message | None = None  # that was passed on
         self.doers: dict[float, Callable[[float], int]] = {}  # by duration
-        self.inputs, self.outputs = (self.arguments(c, v) for c, v in zip(("input", "output"), self.memory))
-
-    def arguments(self, causality: str, values: Any) -> tuple[Any, ...]:
-        """What the calls that move inputs or outputs take."""
-        numbers = references(self.description, causality)
-        return (ctypes.c_uint * len(numbers))(*numbers), ctypes.c_size_t(len(numbers)), values
+        known = (references(self.description, causality) for causality in ("input", "output"))
+        arrays = ((ctypes.c_uint * len(numbers))(*numbers) for numbers in known)
+        # What the calls that move them take:
+        self.inputs, self.outputs = ((a, ctypes.c_size_t(len(a)), values) for a, values in zip(arrays, self.memory))
 
     def answer(self, request: Request) -> Answer:
         """Answer one request; a failed call is an answer too."""
@@ -290,20 +282,13 @@ class Server:
             instance.call(GET, *self.outputs)
         if verb in (STEP, "do", GET):
             return instance.last
-        if verb == "slopes":
-            return self.slope(*arguments)
-        if verb == "move":
-            return self.move(*arguments)
+        if verb in ("slope", "move"):
+            return getattr(self, verb)(*arguments)
         if verb == "state":
             return b64encode(instance.state()).decode()
-        others: dict[str, Callable[[], None]] = {
-            "call": lambda: instance.call(arguments),
-            "initialize": lambda: instance.initialize(*arguments),
-            "restore": lambda: instance.restore(b64decode(arguments)),
-            "hold": lambda: instance.hold(arguments),
-            "back": lambda: instance.back(arguments),
-        }
-        return others[verb]()
+        if verb == "restore":
+            return instance.restore(b64decode(arguments))
+        return getattr(instance, verb)(*arguments)  # call, initialize, hold, back
 
     def move(self, action: str, names: list[str], values: list[Any]) -> list[Any] | None:
         """Set values of variables of one type, or get them."""

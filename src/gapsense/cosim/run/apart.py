@@ -44,7 +44,8 @@ from gapsense.cosim.scenario.records import Scenario
 from gapsense.problems import FmuError
 
 if TYPE_CHECKING:
-    from gapsense.cosim.run.master import Keeper, Master, Progress
+    from gapsense.cosim.run.checkpoint import Keeper
+    from gapsense.cosim.run.master import Master, Progress
 
 FACTS = "facts.json"  # all but the rows, of the run so far
 PERIOD = 0.5  # seconds between two of its versions

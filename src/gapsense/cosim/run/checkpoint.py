@@ -8,20 +8,17 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gapsense._os.files import write_atomically
 from gapsense.cosim.fmu.descriptions import Descriptions
 from gapsense.cosim.result.sidecar import ELSEWHERE
-from gapsense.cosim.run.recording import Recording, Take
+from gapsense.cosim.run.recording import Take
 from gapsense.cosim.scenario.fingerprint import deciding
-from gapsense.cosim.scenario.records import Port, Scenario
+from gapsense.cosim.scenario.records import Scenario
 from gapsense.problems import FmuError, ScenarioError
-
-if TYPE_CHECKING:
-    from gapsense.cosim.run.master import Master
 
 FORMAT = "gapsense checkpoint 2"
 Facts = dict[str, Any]
@@ -47,59 +44,20 @@ class Keeper(NamedTuple):
     every: int  # base steps
     resume: bool
 
-    def save(self, master: Master, recording: Recording, done: int) -> None:
-        """Write all that it takes to go on after `done` base steps."""
-        states = {f"state_{part.component.name}": octets(part.instance.state()) for part in master.parts}
-        said = {**recording.facts(), "messages": recording.messages + master.messages()}
-        texts = [[*port, text] for port, text in master.texts.items()]
-        about = {
-            "format": FORMAT,
-            "run": self.facts,
-            "done": done,
-            "recording": said,
-            "texts": texts,
-            "events": master.director.state(),
-        }
-        rows = {"data": recording.data[: recording.rows], "buffer": master.view}
-        arrays = {"about": octets(json.dumps(about).encode()), **rows, **states}
+    def write(self, about: Facts, arrays: Mapping[str, Any]) -> None:
+        """Write a run's facts, of JSON, and arrays, complete or not at all."""
+        text = json.dumps({"format": FORMAT, "run": self.facts, **about}).encode()
+        arrays = {"about": np.frombuffer(text, np.uint8), **arrays}
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(self.file, lambda file: np.savez(file.buffer, **arrays))  # type: ignore[arg-type]
+            write_atomically(self.file, lambda file: np.savez(file.buffer, **arrays))
         except OSError as error:
             cause = f"the checkpoint `{self.file}` cannot be written: {error.strerror}. Make room for it."
             raise FmuError("run", cause) from None
 
-    def restore(self, master: Master, recording: Recording) -> int:
-        """Bring a master that has just been initialised to where the checkpoint was written; the base step to do next.
-
-        That is 0, the start, if the run does not go on from a checkpoint.
-        """
-        if not self.resume:
-            return 0
-        about, arrays = read(self.file)
-        for part in master.parts:
-            part.instance.restore(arrays[f"state_{part.component.name}"].tobytes())
-            part.instance.messages.clear()  # of the initialization, which are in the checkpoint already
-        master.view[:] = arrays["buffer"]
-        master.texts.update((Port(*port), text) for *port, text in about["texts"])
-        saved = about["recording"]
-        recording.rows = saved["rows"]
-        recording.data[: recording.rows] = arrays["data"]
-        recording.messages = [(component, status, text) for component, status, text in saved["messages"]]
-        recording.seconds[:], recording.calls[:] = saved["seconds"], saved["calls"]
-        recording.warnings[:] = saved.get("warnings", recording.warnings)  # older ones have none
-        recording.longest[:], recording.spread[:] = saved["longest"], saved["spread"]
-        recording.wall += saved["wall"]
-        recording.overruns, recording.lag = saved["overruns"], saved["lag"]
-        for name in ("loops", "inverses", "inputs", "steps"):
-            setattr(recording, name, saved.get(name, {}))
-        master.director.restore(about["events"])
-        return int(about["done"]) + 1
-
-
-def octets(data: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """Bytes as an array."""
-    return np.frombuffer(data, dtype=np.uint8)
+    def read(self) -> tuple[Facts, Mapping[str, Any]]:
+        """The facts and arrays that were written."""
+        return read(self.file)
 
 
 def read(file: Path) -> tuple[Facts, Mapping[str, Any]]:
@@ -145,7 +103,14 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
     ]
     if os.path.lexists(checkpoint.file) and not checkpoint.resume and not is_checkpoint(checkpoint.file):
         problems.append(f"{checkpoint.file}: this file exists and is not a checkpoint. Remove it, or {ELSEWHERE}.")
-    facts = run_facts(scenario, descriptions, take)
+    own = {  # what two runs must have in common for one to go on where the other was saved
+        "a scenario": deciding(scenario),
+        "FMUs": {name: description.sha256 for name, description in descriptions.items()},
+        "signals to record": take.columns,
+        "seeds": dict(take.seeds),
+        "values of the sweep": {str(port): value for port, value in take.values.items()},
+    }
+    facts: Facts = json.loads(json.dumps(own))
     if checkpoint.resume:
         before = read(checkpoint.file)[0]["run"]
         problems += [
@@ -157,16 +122,3 @@ def keeper(checkpoint: Checkpoint, scenario: Scenario, descriptions: Description
         raise ScenarioError(problems)
     file = checkpoint.file.absolute()  # components may go to other folders
     return Keeper(file, facts, round(min(ratio, experiment.count)), checkpoint.resume)
-
-
-def run_facts(scenario: Scenario, descriptions: Descriptions, take: Take) -> Facts:
-    """What two runs must have in common for one to go on where the other was saved; of JSON."""
-    facts = {
-        "a scenario": deciding(scenario),
-        "FMUs": {name: description.sha256 for name, description in descriptions.items()},
-        "signals to record": take.columns,
-        "seeds": dict(take.seeds),
-        "values of the sweep": {str(port): value for port, value in take.values.items()},
-    }
-    known: Facts = json.loads(json.dumps(facts))
-    return known

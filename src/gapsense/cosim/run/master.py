@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter, sleep
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from gapsense._os.files import sha256
 from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
-from gapsense.cosim.fmu.remote import RemoteInstance
+from gapsense.cosim.fmu.remote import remote_instance
 from gapsense.cosim.run.events import Director, explained
 from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer
@@ -38,14 +38,25 @@ from gapsense.cosim.run.recording import (
     shape,
     varied_events,
 )
-from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Component, Experiment, Port, Scenario, ports, texts
+from gapsense.cosim.scenario.records import (
+    ITERATIVE,
+    JACOBI,
+    Component,
+    Event,
+    Experiment,
+    Port,
+    Scenario,
+    ports,
+    texts,
+)
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 
+if TYPE_CHECKING:
+    from gapsense.cosim.run.checkpoint import Keeper
+
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
-# That of `checkpoint.py`, which knows this module: it saves a run, and lets it go on from there.
-Keeper: TypeAlias = Any
 REPORTS = 200  # progress reports per run
 
 
@@ -68,15 +79,7 @@ class Master:
         self.texts: Texts = {}
         self.parts: list[Part] = []
         self.links: dict[Any, Any] = {}  # to boards, by place and firmware
-        self.director = Director(
-            events={},
-            experiment=scenario.experiment,
-            parts=(),
-            places=self.places,
-            buffer=self.view,
-            seeds={},
-            marks=self.marks,
-        )
+        self.director = self.directed({}, {})
         try:
             self.load()
         except BaseException:
@@ -112,7 +115,7 @@ class Master:
         if component.board:
             return self.on_board(name, component, description)
         if component.isolation == "process":
-            return RemoteInstance(name, description, unpacked(description), self.scenario.experiment.step_limit)
+            return remote_instance(name, description, unpacked(description), self.scenario.experiment.step_limit)
         return instance_of(name, description, unpacked(description))
 
     def on_board(self, name: str, component: Component, description: Description) -> Instance:
@@ -163,7 +166,7 @@ class Master:
         for part in self.parts:
             part.instance.close()
         for link in self.links.values():
-            link.close()
+            link.line.close()
         self.parts, self.links = [], {}
 
     @folder_kept()
@@ -221,7 +224,11 @@ class Master:
         self.view[:] = 0.0
         self.marks[ROWS] = self.marks[STEP] = 0
         self.texts.update(dict.fromkeys(self.places.texts, ""))
-        self.director = self.directed(seeds, values)
+        problems: list[str] = []
+        events = varied_events(self.scenario.events, values, problems)
+        if problems:
+            raise FmuError("run", " ".join(problems))
+        self.director = self.directed(self.subject.resolved(events), seeds)
         played = {port.component for port in self.scenario.played}
         for part in self.each(STARTING, self.parts):
             component, part.ended = part.component, 0
@@ -244,16 +251,11 @@ class Master:
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
 
-    def directed(self, seeds: Mapping[str, int], values: Mapping[Port, Value]) -> Director:
-        """The events of a run, prepared for the initialization."""
-        problems: list[str] = []
-        events = varied_events(self.scenario.events, values, problems)
-        if problems:
-            raise FmuError("run", " ".join(problems))
-        own, experiment = self.subject.resolved(events), self.scenario.experiment
+    def directed(self, events: Mapping[str, Event], seeds: Mapping[str, int]) -> Director:
+        """Events with one target each, prepared for the initialization."""
         return Director(
-            events=own,
-            experiment=experiment,
+            events=events,
+            experiment=self.scenario.experiment,
             parts=self.parts,
             places=self.places,
             buffer=self.view,
@@ -274,7 +276,7 @@ class Master:
         """Base step after base step, until the end or until told to stop; the recording is always up to date."""
         experiment, count = self.scenario.experiment, self.scenario.experiment.count
         recording.start(len(self.parts))
-        begin = keeper.restore(self, recording) if keeper else 0
+        begin = self.restored(keeper, recording) if keeper else 0
         advance = self.advancer(recording, columns, begin)
         done = begin - 1 if begin else advance(0)
         change = self.director.limit if begin else self.director.turn(done)
@@ -294,7 +296,37 @@ class Master:
                 pause = rest(done)
             recording.interrupted = done < count and bool(self.marks[STOP])
         if recording.interrupted and keeper:
-            keeper.save(self, recording, done)
+            self.save(keeper, recording, done)
+
+    def save(self, keeper: Keeper, recording: Recording, done: int) -> None:
+        """Write all that it takes to go on after `done` base steps."""
+        facts = {
+            "done": done,
+            "recording": {**recording.facts(), "messages": recording.messages + self.messages()},
+            "texts": [[*port, text] for port, text in self.texts.items()],
+            "events": self.director.state(),
+        }
+        arrays: dict[str, Any] = {"data": recording.data[: recording.rows], "buffer": self.view}
+        states = {part.component.name: part.instance.state() for part in self.parts}
+        arrays |= {f"state_{name}": np.frombuffer(state, np.uint8) for name, state in states.items()}
+        keeper.write(facts, arrays)
+
+    def restored(self, keeper: Keeper, recording: Recording) -> int:
+        """Bring parts that have just been initialised to where a checkpoint was written; the base step to do next.
+
+        That is 0, the start, if the run does not go on from a checkpoint.
+        """
+        if not keeper.resume:
+            return 0
+        about, arrays = keeper.read()
+        for part in self.parts:
+            part.instance.restore(arrays[f"state_{part.component.name}"].tobytes())
+            part.instance.messages.clear()  # of the initialization, which are in the checkpoint already
+        self.view[:] = arrays["buffer"]
+        self.texts.update((Port(*port), text) for *port, text in about["texts"])
+        recording.resume(about["recording"], arrays["data"])
+        self.director.restore(about["events"])
+        return int(about["done"]) + 1
 
     def end(self, recording: Recording, done: int) -> None:
         """Note which components have ended the run in an orderly way, in the base step that was done last.
@@ -311,21 +343,19 @@ class Master:
 
     def advancer(self, recording: Recording, columns: npt.NDArray[np.int64], begin: int) -> Advance:
         """Function that does base steps, of which `begin` is the first."""
-        scenario, marks = self.scenario, self.marks
         for part, warnings in zip(self.parts, recording.warnings):
             part.warnings = warnings
-        marks[PHASE], marks[ROWS] = STEPPING, recording.rows
-        decimation, buffer = scenario.record.decimation, self.view
+        self.marks[PHASE], self.marks[ROWS] = STEPPING, recording.rows
         return advancer(
             Work(
                 parts=self.parts,
-                experiment=scenario.experiment,
+                experiment=self.scenario.experiment,
                 player=self.player,
                 columns=columns,
-                decimation=decimation,
-                buffer=buffer,
+                decimation=self.scenario.record.decimation,
+                buffer=self.view,
                 recording=recording,
-                marks=marks,
+                marks=self.marks,
                 begin=begin,
                 watches=self.director.watches,
                 loops=self.loops,
@@ -339,7 +369,7 @@ class Master:
         if progress:
             actions.append(Action(max(1, count // REPORTS), lambda k: progress(k, count)))
         if keeper:
-            actions.append(Action(keeper.every, lambda k: keeper.save(self, recording, k) if k < count else None))
+            actions.append(Action(keeper.every, lambda k: self.save(keeper, recording, k) if k < count else None))
         return actions
 
 

@@ -71,8 +71,15 @@ class Layout:
 
     @cached_property
     def slots(self) -> dict[str, Slot]:
-        """Places of each event on an input."""
-        return slots(self.events, self.index)
+        """Places of the stage of each event on an input."""
+        found: dict[str, Slot] = {}
+        ends, free = dict(self.index), len(self.index)
+        for name, event in reversed([*self.events.items()]):  # the last one is next to the input
+            if event.target in self.index:
+                found[name] = Slot(free, free + 1, ends[event.target])
+                ends[event.target] = free
+                free += 2
+        return {name: found[name] for name in self.events if name in found}
 
     def slots_of(self, component: str) -> dict[str, Slot]:
         """Those of the events on inputs of a component."""
@@ -80,8 +87,9 @@ class Layout:
 
     @cached_property
     def inlets(self) -> dict[Port, int]:
-        """Where the values for each input go."""
-        return inlets(self.events, self.index, self.slots)
+        """Where the values for each port go: to its first stage, or where the port itself is."""
+        first = {self.events[name].target: slot.before for name, slot in reversed([*self.slots.items()])}
+        return {**self.index, **first}
 
     @property
     def size(self) -> int:
@@ -401,24 +409,6 @@ class Slot(NamedTuple):
     before: int
     held: int
     after: int
-
-
-def slots(events: Mapping[str, Event], index: Mapping[Port, int]) -> dict[str, Slot]:
-    """Places of the stages of all events on inputs; `index` has those of the ports."""
-    found: dict[str, Slot] = {}
-    ends, free = dict(index), len(index)
-    for name, event in reversed([*events.items()]):  # the last one is next to the input
-        if event.target in index:
-            found[name] = Slot(free, free + 1, ends[event.target])
-            ends[event.target] = free
-            free += 2
-    return {name: found[name] for name in events if name in found}
-
-
-def inlets(events: Mapping[str, Event], index: Mapping[Port, int], places: Mapping[str, Slot]) -> dict[Port, int]:
-    """Where the value for each port goes: to its first stage, or where the port itself is."""
-    first = {events[name].target: slot.before for name, slot in reversed([*places.items()])}
-    return {**index, **first}
 
 
 # What inputs get that no output drives: constants, and signals of the scenario.

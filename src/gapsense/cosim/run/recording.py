@@ -10,7 +10,7 @@ import platform
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 from math import frexp, ldexp
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import sha256, state
+from gapsense._os.files import remembered, sha256
 from gapsense._os.processes import MARKS, Died, Marks
 from gapsense.cosim.fmu.descriptions import Descriptions, reader_version
 from gapsense.cosim.scenario.records import (
@@ -40,8 +40,9 @@ from gapsense.tables import Value
 from gapsense.version import __version__
 
 if TYPE_CHECKING:
-    from gapsense.cosim.result.result import Result, Run, Signal, Steps, Timing
+    from gapsense.cosim.result.result import Result, Run, Signal, Steps
 
+known_hash = remembered(sha256)
 BINS, OF_OCTAVE, LEAST = 512, 16, -26  # the first one begins at 2**LEAST s, and takes all that is shorter
 Counts = npt.NDArray[np.int64]
 # Marks: what goes on; the component that it goes on in, its place in execution order + 1; the base step that is being
@@ -99,6 +100,19 @@ class Recording:
         self.seconds, self.longest = [0.0] * parts, [0.0] * parts
         self.calls, self.warnings, self.spread = [0] * parts, [0] * parts, counts(parts)
         return self
+
+    def resume(self, saved: Mapping[str, Any], data: npt.NDArray[np.float64]) -> None:
+        """Go on from `facts` that were saved, and the rows recorded then."""
+        self.rows = saved["rows"]
+        self.data[: self.rows] = data
+        self.messages = [(component, status, text) for component, status, text in saved["messages"]]
+        self.seconds[:], self.calls[:] = saved["seconds"], saved["calls"]
+        self.warnings[:] = saved.get("warnings", self.warnings)  # older ones have none
+        self.longest[:], self.spread[:] = saved["longest"], saved["spread"]
+        self.wall += saved["wall"]
+        self.overruns, self.lag = saved["overruns"], saved["lag"]
+        for name in ("loops", "inverses", "inputs", "steps"):
+            setattr(self, name, saved.get(name, {}))
 
     def clocked(self) -> float:
         """Wall time until now [s]."""
@@ -216,6 +230,11 @@ class Subject:
 
         scenario, experiment = self.scenario, self.scenario.experiment
         said = [f"{name} = {value}" for name, value in scenario.settings.items()]
+        components: dict[str, dict[str, Any]] = {}
+        for name, component in scenario.components.items():
+            own = self.descriptions[name]
+            facts = {key: getattr(own, key) for key in ("guid", "version", "sha256", "fmi")}
+            components[name] = {"fmu": own.path.name, **facts, "step": component.step, "offset": component.offset}
         return Run(
             title=scenario.title + (f" ({', '.join(said)})" if said else ""),
             scenario=scenario.name,
@@ -226,7 +245,7 @@ class Subject:
             base_step=experiment.base_step,
             decimation=scenario.record.decimation,
             seeds={},
-            components={name: component_facts(scenario, self.descriptions, name) for name in scenario.components},
+            components=components,
             order=self.order.names,
             delayed=tuple(str(connection) for connection in self.order.delayed),
             files={},
@@ -248,11 +267,11 @@ class Subject:
 
     def hashes(self) -> dict[str, str]:
         """Hash of each file as it is now, and of what stands in none."""
-        return {name: known_hash(file, *state(file)) for name, file in self.files.items()} | {**self.scenario.hashes}
+        return {name: known_hash(file) for name, file in self.files.items()} | {**self.scenario.hashes}
 
     def taken(self, seed_shift: int = 0, point: int | Mapping[Port, Value] | None = None) -> Take:
         """What one run takes; a point of a sweep, or values of parameters."""
-        values = self.scenario.points()[point] if isinstance(point, int) else point or {}
+        values = self.scenario.plan.point(point) if isinstance(point, int) else point or {}
         random = {
             event.seed_name: event.seed
             for event in varied_events(self.scenario.events, values, []).values()
@@ -284,19 +303,6 @@ def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
     return connection.target.variable in descriptions[connection.target.component].direct_inputs
 
 
-def component_facts(scenario: Scenario, descriptions: Descriptions, name: str) -> dict[str, Any]:
-    """FMU and grid of a component."""
-    component, description = scenario.components[name], descriptions[name]
-    facts = {key: getattr(description, key) for key in ("guid", "version", "sha256", "fmi")}
-    return {"fmu": description.path.name, **facts, "step": component.step, "offset": component.offset}
-
-
-@lru_cache(maxsize=256)
-def known_hash(file: Path, *_: int) -> str:
-    """Hash of a file in some state."""
-    return sha256(file)
-
-
 @cache
 def versions() -> dict[str, str]:
     """Versions of what computed the result."""
@@ -320,9 +326,11 @@ def finished(subject: Subject, take: Take, recording: Recording) -> Result:
 
 def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
     """Result of a recording, without metrics."""
-    from gapsense.cosim.result.result import Iterations, Result
+    from gapsense.cosim.result.result import Iterations, Result, Timing
 
     overruns, lag, time = recording.overruns, recording.lag, subject.scenario.experiment.time
+    steps = zip(recording.seconds, recording.calls, recording.longest, recording.spread)
+    timing = (Timing(s, n, median(spread, longest), longest if n else None) for s, n, longest, spread in steps)
     return Result(
         run=replace(
             subject.run,
@@ -340,7 +348,7 @@ def to_result(subject: Subject, take: Take, recording: Recording) -> Result:
         signals=dict(zip(subject.about, recording.data[: recording.rows].T.copy())),
         about=subject.about,
         parameters=recording.parameters,
-        timing=dict(zip(subject.run.order, timings(recording))),
+        timing=dict(zip(subject.run.order, timing)),
         wall=recording.wall,
         interrupted=recording.interrupted,
         ended=recording.ended,
@@ -381,14 +389,6 @@ def said(subject: Subject, recording: Recording) -> Iterator[str]:
             texts = [text for component, status, text in recording.messages if (component, status) == (name, WARNING)]
             said = f"; the last one says: {summary(texts[-1]).rstrip('.')}" if texts else " without a word"
             yield f"`{name}` returned a warning from {warnings} of {calls} steps{said}."
-
-
-def timings(recording: Recording) -> Iterator[Timing]:
-    """Time of each component, in execution order."""
-    from gapsense.cosim.result.result import Timing
-
-    for seconds, calls, longest, spread in zip(recording.seconds, recording.calls, recording.longest, recording.spread):
-        yield Timing(seconds, calls, median(spread, longest), longest if calls else None)
 
 
 def spans(scenario: Scenario, happened: Sequence[Sequence[Any]]) -> Iterator[Span]:

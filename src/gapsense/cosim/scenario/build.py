@@ -20,7 +20,7 @@ from gapsense.cosim.scenario.keys import FILE, key_of
 from gapsense.cosim.scenario.read import Document, document_of, scenario_file
 from gapsense.cosim.show import pages
 from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import Key, Section, flattened
+from gapsense.tables import Section, flattened
 
 if TYPE_CHECKING:
     from gapsense.cosim.convergence import Convergence
@@ -333,14 +333,10 @@ def moved(tables: Mapping[str, Any], section: Section, old: Path, new: Path) -> 
             return moved(item, (key and key.section) or section, old, new)
         if isinstance(item, list):
             return [value(name, entry) for entry in item]
-        return rebased(item, old, new) if names_path(key, name, item) else item
+        is_path = isinstance(item, str) and key and key.is_path and key.is_path(name, item)
+        return rebased(item, old, new) if is_path else item
 
     return {name: value(name, item) for name, item in tables.items()}
-
-
-def names_path(key: Key | None, name: str, item: Any) -> bool:
-    """True for the value of a key that is a path."""
-    return bool(isinstance(item, str) and key and key.is_path and key.is_path(name, item))
 
 
 def rebased(text: str, old: Path, new: Path) -> str:

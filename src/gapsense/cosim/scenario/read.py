@@ -20,6 +20,7 @@ from gapsense._os.files import (
     SHOWN,
     Sheet,
     facts_beside,
+    finite,
     no_numbers,
     number,
     read_sheet,
@@ -462,9 +463,16 @@ class Reader:
         return {name: instead.get(f"{name}.seed", seed) for name, seed in seeds.items()}
 
     def inputs(self, table: Table) -> tuple[dict[Port, Value], dict[Port, Played]]:
-        """Constants, and signals that inputs follow."""
-        inputs, played = read_inputs(table, self.path.parent, self.files)
+        """Constants, `"drive.enable" = 1.0` or `[inputs.drive] enable = 1.0`, and signals that inputs follow."""
+        table = table.table("inputs")
+        signals = dict(signal_tables(table.data))
+        heads = tuple(f"{name}." for name in signals)
+        plain = {name: value for name, value in flattened(table.data) if not name.startswith(heads)}
+        constants = table.child(plain, "").flat(SCALAR)
+        read = {n: read_signal(table.child(data, n), self.path.parent, self.files) for n, data in signals.items()}
+        inputs = by_port(table, constants)
         instead = self.changes.instead(map(str, inputs), SCALAR)
+        played = by_port(table, {name: signal for name, signal in read.items() if signal})
         return {port: instead.get(str(port), value) for port, value in inputs.items()}, played
 
     def variants(self, table: Table) -> dict[str, str]:
@@ -518,34 +526,19 @@ def grid(table: Table, start: float, stop: float, base: float, method: str, pace
 # Read `[inputs]`: constants, and signals that inputs follow, from a CSV file or a table.
 
 
-def read_inputs(table: Table, folder: Path, files: list[Path]) -> tuple[dict[Port, Value], dict[Port, Played]]:
-    """Constants, `"drive.enable" = 1.0` or `[inputs.drive] enable = 1.0`, and signals; notes the files of these."""
-    inputs = table.table("inputs")
-    signals = dict(signal_tables(inputs.data))
-    constants = inputs.child(without(inputs.data, signals), "").flat(SCALAR)
-    read = {name: read_signal(inputs.child(data, name), folder, files) for name, data in signals.items()}
-    return by_port(inputs, constants), by_port(inputs, {n: played for n, played in read.items() if played})
-
-
 def signal_tables(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Tables that describe a signal, by the dotted name of the input."""
+
+    def starts(key: str, value: Any) -> bool:
+        """True for a key of a signal, perhaps misspelt: the value tells it from the rest of an input's name."""
+        return isinstance(value, (str, list)) and bool(get_close_matches(key, KEYS, n=1))
+
     for key, value in data.items():
         name = f"{prefix}{key}"
-        if isinstance(value, dict) and "." in name and any(starts_signal(k, v) for k, v in value.items()):
+        if isinstance(value, dict) and "." in name and any(starts(*item) for item in value.items()):
             yield name, value
         elif isinstance(value, dict):
             yield from signal_tables(value, f"{name}.")
-
-
-def starts_signal(key: str, value: Any) -> bool:
-    """True for a key of a signal, perhaps misspelt: the value tells it from the rest of an input's name."""
-    return isinstance(value, (str, list)) and bool(get_close_matches(key, KEYS, n=1))
-
-
-def without(data: Mapping[str, Any], names: Mapping[str, Any]) -> dict[str, Any]:
-    """What is left without the tables of some dotted names, flat."""
-    heads = tuple(f"{name}." for name in names)
-    return {name: value for name, value in flattened(data) if not name.startswith(heads)}
 
 
 def read_signal(table: Table, folder: Path, files: list[Path]) -> Played | None:
@@ -601,7 +594,7 @@ def read_column(path: Path, column: str, table: Table) -> tuple[list[int], str, 
     places = [place_of(sheet, *split_header(name), problems) for name in (f"{TIME} [s]", column)]
     found = [k for k in places if k is not None]
     cells = [[(i, k, row[k]) for i, row in enumerate(sheet.rows)] for k in found]
-    bad = [(sheet.place(i, k), text) for own in cells for i, k, text in own if not is_finite(text)]
+    bad = [(sheet.place(i, k), text) for own in cells for i, k, text in own if finite(text) is None]
     told = [f"{place}: `{text}` found, a finite number expected. Correct it." for place, text in bad[:SHOWN]]
     problems += told if sheet.is_table else no_numbers(sheet)
     for problem in problems:
@@ -622,12 +615,6 @@ def place_of(sheet: Sheet, name: str, unit: str, problems: list[str]) -> int | N
         said = f"{sheet.path}, line 1: `{name}` is in `{sheet.units[place]}`, `{unit}` is expected"
         problems.append(f"{said}, and nothing is converted. Convert the column or correct the unit.")
     return place
-
-
-def is_finite(text: str) -> bool:
-    """True for the text of a finite number."""
-    value = number(text)
-    return value is not None and math.isfinite(value)
 
 
 # Read the sections of a scenario that name ports and signals: what is wired, swept, recorded and held against.
@@ -721,10 +708,10 @@ def cell_value(sheet: Sheet, i: int, j: int, problems: list[str], files: list[Pa
     text = sheet.rows[i][j].strip()
     if text.lower() in TRUTH:
         return TRUTH[text.lower()]
-    value = number(text)
-    if value is not None and math.isfinite(value):
+    value = finite(text)
+    if value is not None:
         return int(text) if WHOLE.fullmatch(text) else value
-    if value is not None or not text:
+    if not text or number(text) is not None:
         problems.append(f"{sheet.place(i, j)}: `{text}` found, {SCALAR.name} expected. Correct it.")
     if not is_file(sheet.names[j], text):
         return text
@@ -818,7 +805,11 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
         file = default
     tolerance = Tolerance(given["rtol"], given["atol"], given["edge_steps"])
     exceptions = baseline.table("tolerances")
-    tolerances = {name: read_tolerance(exceptions.table(name), tolerance) for name in exceptions.data}
+    own_keys = {name: exceptions.table(name).read(SECTIONS["tolerance"]) for name in exceptions.data}
+    tolerances = {
+        name: replace(tolerance, **{key: value for key, value in keys.items() if value is not None})
+        for name, keys in own_keys.items()
+    }
     chosen = None if given["signals"] is None else tuple(given["signals"])
     declared = "baseline" in table.data and (not variant or own is not None or given["file"] is None)
     return Baseline(
@@ -829,12 +820,6 @@ def read_baseline(table: Table, path: Path, variant: str | None) -> Baseline:
         declared=declared,
         decimation=given["decimation"],
     )
-
-
-def read_tolerance(table: Table, default: Tolerance) -> Tolerance:
-    """Tolerance of a table, each part by default that of the table around it."""
-    own = {key: value for key, value in table.read(SECTIONS["tolerance"]).items() if value is not None}
-    return replace(default, **own)
 
 
 # Read `[events]`, from a file or with the values that a sweep or `--set` lays over it.
@@ -849,22 +834,21 @@ def read_events(table: Table, changes: Mapping[str, Any]) -> dict[str, Event]:
     good = [name for name in events.data if re.fullmatch(NAME, name)]
     for name in [name for name in events.data if name not in good]:
         events.note(name, "an event's name is letters, digits and `_`, not starting with a digit. Rename it.")
-    read = {name: read_event(events.table(name), name, own(changes, name)) for name in good}
+    read = {name: read_event(events.table(name), name, changes) for name in good}
     for name in [name for name in changes if name.partition(".")[0] not in good]:
         event = name.partition(".")[0]
         events.note(name, f"there is no event `{event}`. {suggest(event, good)}")
     return {name: event for name, event in read.items() if event}
 
 
-def own(values: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """Values for one event, by key."""
-    head = f"{name}."
-    return {key.removeprefix(head): value for key, value in values.items() if key.startswith(head)}
-
-
 def read_event(table: Table, name: str, changes: Mapping[str, Any]) -> Event | None:
-    """One event, or None after noting why there is none."""
-    table = table.child(laid_over(table.data, changes), "") if changes else table
+    """One event, or None after noting why there is none; `changes` are values by `event.key`."""
+    head = f"{name}."
+    if own := {key.removeprefix(head): value for key, value in changes.items() if key.startswith(head)}:
+        flat = {**dict(flattened(table.data)), **own}
+        inner = {key.removeprefix("when."): value for key, value in flat.items() if key.startswith("when.")}
+        outer = {key: value for key, value in flat.items() if "." not in key}
+        table = table.child({**outer, **({"when": inner} if inner else {})}, "")
     before, given = len(table.problems), table.read(SECTIONS["event"])
     when = read_when(table.table("when")) if "when" in table.data else None
     target = None if given["target"] is None else split(table, "target", given["target"])
@@ -876,33 +860,31 @@ def read_event(table: Table, name: str, changes: Mapping[str, Any]) -> Event | N
     return Event(name=name, **{**given, **times, "target": target, "when": when, "given": dict(table.data)})
 
 
-def laid_over(data: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A table of an event with other values of its keys, `when.above` too."""
-    flat = {**dict(flattened(data)), **changes}
-    when = {key.removeprefix("when."): value for key, value in flat.items() if key.startswith("when.")}
-    return {**{key: value for key, value in flat.items() if "." not in key}, **({"when": when} if when else {})}
-
-
 def read_when(table: Table) -> When | None:
     """A condition, or None after noting why there is none."""
     given = table.read(SECTIONS["when"])
     signal = None if given["signal"] is None else split(table, "signal", given["signal"])
-    sides = [key for key in ("above", "below") if key in table.data]
-    if len(sides) != 1:
-        found = "neither found" if not sides else "both found"
-        table.note("", f"{found}, either `above` or `below` expected. Give one of them.")
-        return None
-    level = given[sides[0]]
-    if signal is None or level is None:
+    side = one_of(table, "above", "below")
+    if signal is None or side is None or given[side] is None:
         return None
     return When(
         signal=signal,
-        level=float(level),
-        is_above=sides[0] == "above",
+        level=float(given[side]),
+        is_above=side == "above",
         lasting=given["for"] or 0.0,
         after=given["after"],
         again=given["again"],
     )
+
+
+def one_of(table: Table, *keys: str) -> str | None:
+    """The one of two keys that a table has, or None after noting that it has neither, or both."""
+    given = [key for key in keys if key in table.data]
+    if len(given) == 1:
+        return given[0]
+    expected = " or ".join(f"`{key}`" for key in keys)
+    table.note("", f"{'both' if given else 'neither'} found, either {expected} expected. Give one of them.")
+    return None
 
 
 def note_actions(table: Table, given: Mapping[str, Any]) -> None:
@@ -930,10 +912,7 @@ def note_actions(table: Table, given: Mapping[str, Any]) -> None:
 def note_times(table: Table, given: Mapping[str, Any]) -> None:
     """Note times that are missing or contradict each other."""
     at, until = given["at"], given["until"]
-    starts = [key for key in ("at", "when") if key in table.data]
-    if len(starts) != 1:
-        found = "neither found" if not starts else "both found"
-        table.note("", f"{found}, either `at` or `when` expected. Give one of them.")
+    one_of(table, "at", "when")
     if "until" in table.data and "duration" in table.data:
         table.note("duration", "`until` gives the end too. Keep one.")
     if "until" in table.data and "when" in table.data:

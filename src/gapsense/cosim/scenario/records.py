@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import translate
 from math import prod
@@ -232,19 +232,6 @@ class Span(NamedTuple):
     end: float | None
 
 
-def unit_of_key(key: str, event: Event, descriptions: Descriptions) -> str:
-    """Unit of a key of an event, empty where it has none."""
-    if key in TIMES:
-        return "s"
-    if key == "value":
-        port = None if event.action == "scale" else event.target
-    else:
-        port = event.when.signal if event.when and key in ("when.above", "when.below") else None
-    if port is None:
-        return ""
-    return descriptions[port.component].variables[port.variable].unit or ""
-
-
 # Conditions on signals, which the loop over base steps looks at: it comes back when one begins or ends to hold.
 
 
@@ -297,6 +284,7 @@ class Played:
 
 
 MOST_RUNS = 10**7  # of a sweep or a campaign
+FEW = 1000  # values of a block that are all looked at, and points
 
 
 def product(sizes: Iterable[int]) -> str:
@@ -391,49 +379,119 @@ class RowsColumn(NamedTuple):
         return f"{self.file}, line {self.lines[row]}, column {self.number}"
 
 
-@dataclass(frozen=True)
-class Points(Sequence[dict[Port, Value]]):
-    """Every row with every combination of the values of a grid; each is made when it is asked for."""
+class Block(NamedTuple):
+    """Values that belong together: a column for each parameter."""
 
-    rows: Sequence[Mapping[Port, Value]]
-    grid: Mapping[Port, Sequence[Value]]
+    columns: Mapping[Port, Sequence[Value] | npt.NDArray[Any]]
 
-    def __len__(self) -> int:
-        return len(self.rows) * prod(map(len, self.grid.values()))
+    @property
+    def size(self) -> int:
+        """Rows."""
+        return len(next(iter(self.columns.values()))) if self.columns else 1
 
-    def __getitem__(self, index: int) -> dict[Port, Value]:  # type: ignore[override]  # no slices
-        left, chosen = range(len(self))[index], dict[Port, Value]()
-        for port, values in reversed([*self.grid.items()]):
-            left, place = divmod(left, len(values))
-            chosen[port] = values[place]
-        return {**self.rows[left], **dict(reversed([*chosen.items()]))}
+    def row(self, k: int) -> dict[Port, Value]:
+        """Values of one row."""
+        return {port: plain(values[k]) for port, values in self.columns.items()}
 
-    def telling(self, most: int) -> list[int]:
-        """The first points, and of more than `most` those that have every text and the extreme numbers of each port."""
-        numbers, stride = {*range(min(len(self), most))}, 1
-        rows = {port: [row[port] for row in self.rows] for port in self.rows[0]} if len(self) > most else {}
-        for values in reversed([*self.grid.values()] if len(self) > most else []):
-            numbers.update(stride * place for place in telling(values))
-            stride *= len(values)
-        for values in rows.values():
-            numbers.update(stride * place for place in telling(values))
-        return sorted(numbers)
+    def telling(self) -> list[int]:
+        """Rows that have every value, or of many every text and the extreme numbers of each column."""
+        if self.size <= FEW:
+            return list(range(self.size))
+        return sorted({k for port, column in self.columns.items() for k in telling(port, column)})
 
 
-def telling(values: Sequence[Value]) -> set[int]:
-    """Places of the values that tell whether all are fit: every text and truth value, the extremes of the numbers."""
-    first: dict[tuple[type, Value], int] = {}
-    extremes: dict[tuple[type, bool], int] = {}  # places by type: whole numbers may be asked for
+def blocks(rows: Sequence[Mapping[Port, Value]], grid: Mapping[Port, Sequence[Value]]) -> tuple[Block, ...]:
+    """Rows with every combination of the values of a grid."""
+    first = [Block({port: [row[port] for row in rows] for port in rows[0]})] if rows else []
+    return (*first, *(Block({port: values}) for port, values in grid.items()))
+
+
+def telling(port: Port, column: Sequence[Value] | npt.NDArray[Any]) -> set[int]:
+    """Places of the values of a column that tell whether all are fit: every text, the extremes of the numbers."""
+    if isinstance(column, np.ndarray) and column.dtype.kind in "fiu" and port.variable != "sample_time":
+        return {int(np.argmin(column)), int(np.argmax(column))}
+    places: dict[object, int] = {}
+    extremes: dict[tuple[type, bool], int] = {}  # by type: whole numbers may be asked for
+    values = [*map(plain, column)]
     for place, value in enumerate(values):
-        if not is_number(value):
-            first.setdefault((type(value), value), place)
+        if port.variable == "sample_time" or not is_number(value):  # the former has to go with a component's step
+            places.setdefault((type(value), value), place)
             continue
         low, high = (extremes.setdefault((type(value), is_high), place) for is_high in (False, True))
         if value < values[low]:  # type: ignore[operator]  # numbers both
             extremes[type(value), False] = place
         if value > values[high]:  # type: ignore[operator]
             extremes[type(value), True] = place
-    return {*first.values(), *extremes.values()}
+    return {*places.values(), *extremes.values()}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All runs. A point is one row of every block; the last block varies fastest.
+
+    Run i is that of point i modulo the number of points. It adds i to every seed, so that no two runs have the same
+    noise. With common noise it adds how often all points were done before.
+    """
+
+    blocks: tuple[Block, ...]
+    seeds: int = 1
+    is_common: bool = False
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        return prod(block.size for block in self.blocks)
+
+    def __len__(self) -> int:
+        return self.points * self.seeds
+
+    @property
+    def ports(self) -> list[Port]:
+        """What is varied, in the order of the blocks."""
+        return [port for block in self.blocks for port in block.columns]
+
+    def values_of(self, port: Port) -> Iterator[Value]:
+        """All values of a parameter."""
+        return next(map(plain, block.columns[port]) for block in self.blocks if port in block.columns)
+
+    def rows(self, number: int) -> list[int]:
+        """Row of each block in a point."""
+        left, rows = range(self.points)[number], []
+        for block in reversed(self.blocks):
+            left, row = divmod(left, block.size)
+            rows.append(row)
+        return rows[::-1]
+
+    def point(self, number: int) -> dict[Port, Value]:
+        """Values of a point."""
+        rows = zip(self.blocks, self.rows(number))
+        return {port: value for block, row in rows for port, value in block.row(row).items()}
+
+    def values(self, index: int) -> dict[Port, Value]:
+        """Values of a run."""
+        return self.point(index % self.points)
+
+    def named(self, index: int) -> dict[str, Value]:
+        """Values of a run by the names of the parameters."""
+        return {str(port): value for port, value in self.values(index).items()}
+
+    def shift(self, index: int) -> int:
+        """What a run adds to every seed."""
+        return index // self.points if self.is_common else index
+
+    def telling(self) -> list[int]:
+        """The first points, and some that have the extreme values of every block."""
+        stride, numbers = self.points, set(range(min(self.points, FEW)))
+        for block in self.blocks:
+            stride //= block.size
+            numbers.update(stride * row for row in block.telling())
+        return sorted(numbers)
+
+
+def plain(value: Any) -> Value:
+    """A value of numpy as one of Python."""
+    made: Value = value.item() if isinstance(value, np.generic) else value
+    return made
 
 
 @dataclass(frozen=True)
@@ -471,12 +529,13 @@ class Scenario:
         """What it is called, with the variant in brackets."""
         return f"{self.called}[{self.variant}]" if self.variant else self.called
 
-    def points(self) -> Points:
+    @property
+    def plan(self) -> Plan:
         """All combinations of a sweep, in the order of the file, the last parameter fastest; one without a sweep."""
-        return Points(self.rows or ({},), self.grid)
+        return Plan(blocks(self.rows, self.grid))
 
     @property
-    def swept(self) -> dict[Port, tuple[Value, ...]]:
+    def swept(self) -> dict[Port, Sequence[Value]]:
         """All values that a sweep gives each parameter."""
         of_rows = {port: tuple(row[port] for row in self.rows) for port in (self.rows[0] if self.rows else ())}
         return {**of_rows, **self.grid}

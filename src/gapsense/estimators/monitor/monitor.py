@@ -39,7 +39,7 @@ from gapsense.estimators.readings import INNOVATION, can_be_read
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
-from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, square, when, where
+from gapsense.kernels.trace import cond, fabs, flag, floor, is_set, not_, sqrt, square, when, where, where_each
 
 FIRST = 6.0  # windows that only teach `Mhe`
 GOOD = 1.5  # misfit below which a window has taught something
@@ -233,10 +233,10 @@ def _look(state: State, deviation: Array, is_strange: Scalar, par: Parameters) -
     is_second = is_set(course.suspected)
     profile = _with_half(course.profile, deviation, is_set(state.operation.command))
     course = course._replace(
-        profile=where_all(is_faulty, course.profile, profile),
+        profile=where_each(is_faulty, course.profile, profile),
         suspected=flag(is_first),
         onset=where(is_first, began, course.onset),
-        sound=where_all(is_first, state.learnt.quick, course.sound),
+        sound=where_each(is_first, state.learnt.quick, course.sound),
     )
     state = state._replace(course=course)
     state = when(is_second, lambda state: _decide(state, par), state)
@@ -247,9 +247,9 @@ def _decide(state: State, par: Parameters) -> State:
     """The causes of a strange operation and the next one, unless a closing with a cold coil was all."""
     course, noise = state.course, state.baseline.usual_size
     was_closing = not_(is_set(state.operation.command))  # the first one
-    profile = where_all(was_closing, _weighed(course.profile), course.profile)
-    evidence = where_all(is_set(course.is_still), _only("still"), _evidence(profile, SUDDEN, noise))
-    evidence = where_all(is_set(course.is_dead), _only("open"), evidence)
+    profile = where_each(was_closing, _weighed(course.profile), course.profile)
+    evidence = where_each(is_set(course.is_still), _only("still"), _evidence(profile, SUDDEN, noise))
+    evidence = where_each(is_set(course.is_dead), _only("open"), evidence)
     is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
     is_cold = was_closing & _is_cold(course.profile, is_usual, noise)
     is_fault = is_set(course.is_still) | not_(is_cold)
@@ -323,7 +323,7 @@ def _note(state: State, inputs: Inputs, par: Parameters) -> State:
     old, base = state.learnt, state.baseline.healthy
     is_first, begins = state.baseline.taught < 2.0, is_learning & not_(state.course.verdict == Verdict.learning)
     quick, slow = (
-        where_all(begins, base, where_all(is_first, values, mean + share * (values - mean)))
+        where_each(begins, base, where_each(is_first, values, mean + share * (values - mean)))
         for mean, share in ((old.quick, QUICK), (old.slow, SLOW))
     )
     learnt = old._replace(values=values, wandering=WANDER * shares, quick=quick, slow=slow)
@@ -364,7 +364,7 @@ def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
     """Learnt values that have moved too far, though no operation was strange."""
     moved = _moved(state)
     is_worn = _wear(moved) > par.limit_worn
-    evidence = where_all(is_worn, _evidence(moved[1:], GRADUAL, 1.0), NONE)
+    evidence = where_each(is_worn, _evidence(moved[1:], GRADUAL, 1.0), NONE)
     verdict = where(is_worn, float(Verdict.worn), float(Verdict.healthy))
     state = state._replace(course=state.course._replace(verdict=verdict))
     return _with_evidence(state, evidence, time)
@@ -411,13 +411,13 @@ def _with_evidence(state: State, evidence: Array, time: Scalar) -> State:
 
 def _half(profile: Array, is_closing: Scalar) -> Array:
     """That of a closing or of an opening."""
-    return where_all(is_closing, profile[:PHASES], profile[PHASES:])
+    return where_each(is_closing, profile[:PHASES], profile[PHASES:])
 
 
 def _with_half(profile: Array, half: Array, is_closing: Scalar) -> Array:
     """A profile with another half."""
     closing, opening = profile[:PHASES], profile[PHASES:]
-    return vector([*where_all(is_closing, half, closing), *where_all(is_closing, opening, half)])
+    return vector([*where_each(is_closing, half, closing), *where_each(is_closing, opening, half)])
 
 
 def _square(x: Array) -> Scalar:
@@ -426,11 +426,6 @@ def _square(x: Array) -> Scalar:
 
 def _length(x: Array) -> Scalar:
     return sqrt(_square(x))
-
-
-def where_all(c: Scalar, a: Array, b: Array) -> Array:
-    """One vector or the other."""
-    return vector([where(c, x, y) for x, y in zip(a, b)])
 
 
 # ports

@@ -17,7 +17,6 @@ ROLES = {"actuators": "plant", "drive": "drive", "sensor": "sensor", "estimators
 CORNERS = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
 RULES = "gapsense.rules"  # type of our annotation
 ABILITIES = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
-CATEGORIES = {"logStatusError": "Refusals and errors"}
 LANGUAGE = "C99"
 OPTIONS = "-ffp-contract=off"
 
@@ -29,13 +28,15 @@ def model_description(component: Component, variables: Sequence[Variable], token
     root = Element("fmiModelDescription", {**own, "description": component.description, **about})
     SubElement(root, "CoSimulation", {"modelIdentifier": component.name, **dict.fromkeys(ABILITIES, "true")})
     root.append(describe.units(component, {variable.unit for variable in variables} - {""}))
-    if types := [variable for variable in variables if variable.choices]:
-        _add_types(SubElement(root, "TypeDefinitions"), types)
+    types = [variable for variable in variables if variable.choices]
+    definitions = SubElement(root, "TypeDefinitions") if types else root
+    for variable in types:
+        node = SubElement(definitions, "EnumerationType", name=_type_name(variable))
+        for number, choice in enumerate(variable.choices, 1):
+            SubElement(node, "Item", name=choice, value=str(number))
     categories = SubElement(root, "LogCategories")
-    for name, said in CATEGORIES.items():
-        SubElement(categories, "Category", name=name, description=said)
-    times = {"startTime": "0.0", "stopTime": repr(component.stop_time), "stepSize": repr(component.step_size)}
-    SubElement(root, "DefaultExperiment", times)
+    SubElement(categories, "Category", name="logStatusError", description="Refusals and errors")
+    root.append(describe.experiment(component))
     known = SubElement(root, "ModelVariables")
     for variable in variables:
         _add_variable(known, variable)
@@ -54,13 +55,6 @@ def build_description(name: str, sources: Sequence[str]) -> bytes:
         SubElement(files, "SourceFile", name=source)
     SubElement(configuration, "Library", name="m", description="Mathematics of the C library", external="true")
     return describe.text(root)
-
-
-def _add_types(parent: Element, variables: Sequence[Variable]) -> None:
-    for variable in variables:
-        node = SubElement(parent, "EnumerationType", name=_type_name(variable))
-        for number, choice in enumerate(variable.choices, 1):
-            SubElement(node, "Item", name=choice, value=str(number))
 
 
 def _type_name(variable: Variable) -> str:

@@ -90,27 +90,19 @@ def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> 
         if together:
             folder = destination / together[0] if together[0] in apart else destination
             folder.mkdir(parents=True, exist_ok=True)
-            members = {**members_of(parts, together), **libraries(parts, binaries, together)}
-            yield package.write(members, folder / f"{parts.component.name}.fmu")
+            yield package.write(members_2(parts, binaries, together), folder / f"{parts.component.name}.fmu")
     (destination / "fmi3").mkdir(parents=True, exist_ok=True)
-    yield package.write(members_of_3(parts, binaries), destination / "fmi3" / f"{parts.component.name}.fmu")
+    yield package.write(members_3(parts, binaries), destination / "fmi3" / f"{parts.component.name}.fmu")
 
 
-def libraries(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
-    """The binaries of some platforms, where FMI 2.0 has them."""
-    places = {name: PLATFORMS[name] for name in platforms}
-    return {f"binaries/{p.folder}/{parts.component.name}{p.ending}": binaries[n] for n, p in places.items()}
-
-
-# The FMU of FMI 3.0: the libraries of FMI 2.0, all platforms in one file.
-
-
-def members_of(parts: Parts, platforms: Sequence[str]) -> dict[str, bytes]:
-    """All other files of an FMU of FMI 2.0."""
-    sources = listed(parts.sources(2))
+def members_2(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
+    """All files of an FMU of FMI 2.0 for some platforms."""
+    component, places = parts.component, {name: PLATFORMS[name] for name in platforms}
+    about = model_description_2(component, parts.guid, __version__, listed(parts.sources(2)))
     return {
-        "modelDescription.xml": model_description_2(parts.component, parts.guid, __version__, sources),
+        "modelDescription.xml": about,
         "model.png": (package.HERE / "icon.png").read_bytes(),
+        **{f"binaries/{p.folder}/{component.name}{p.ending}": binaries[name] for name, p in places.items()},
         **shared(parts, platforms, 2),
     }
 
@@ -139,7 +131,10 @@ def documentation(parts: Parts, platforms: Sequence[str], fmi: int) -> str:
     return page.html(parts.component, markdown, __version__, drawing, run)
 
 
-def members_of_3(parts: Parts, binaries: Mapping[str, bytes]) -> dict[str, bytes]:
+# The FMU of FMI 3.0: the libraries of FMI 2.0, all platforms in one file.
+
+
+def members_3(parts: Parts, binaries: Mapping[str, bytes]) -> dict[str, bytes]:
     """All files of the FMU; `binaries` by platform, as for FMI 2.0."""
     component, compiled = parts.component, listed(parts.sources(3))
     libraries = (library for name, content in binaries.items() for library in libraries_3(parts, name, content))

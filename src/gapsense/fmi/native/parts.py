@@ -234,13 +234,9 @@ def _port(k: int, port: Port, places: dict[str, int]) -> str:
     if port.choices:
         entry |= {"choices": f"choices_{k}", "choice_count": len(port.choices)}
     if port.columns:
-        entry |= _of_table(k, port)
+        counts = {"head_count": len(heads(port.columns)), "column_count": len(port.columns)}
+        entry |= {"heads": f"heads_{k}", "columns": f"columns_{k}", "fewest_rows": fewest_rows(port.columns), **counts}
     return f"{{{', '.join(f'.{key} = {value}' for key, value in entry.items())}}}"
-
-
-def _of_table(k: int, port: Port) -> dict[str, Any]:
-    counts = {"head_count": len(heads(port.columns)), "column_count": len(port.columns)}
-    return {"heads": f"heads_{k}", "columns": f"columns_{k}", "fewest_rows": fewest_rows(port.columns), **counts}
 
 
 def _rules(component: Component, index: dict[str, int]) -> Sequence[str]:

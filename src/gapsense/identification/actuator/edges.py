@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gapsense.estimators.mhe.model import Parameters
-from gapsense.identification.actuator.drive import ANYWHERE, Excitation, read_excitation
+from gapsense.identification.actuator.drive import Excitation, read_excitation
 from gapsense.identification.actuator.fit import (
     BESIDE,
     ENOUGH,
@@ -22,6 +22,7 @@ from gapsense.identification.actuator.fit import (
 from gapsense.identification.least_squares import Vector, minimise, rms
 from gapsense.identification.measurements.operations import starts
 from gapsense.identification.measurements.record import Record, between
+from gapsense.identification.measurements.signals import ANYWHERE
 
 DOUBTED = {  # fields that go with the places, and what `Mhe` knows of them before its first window
     "coil_resistance": "prior_resistance",

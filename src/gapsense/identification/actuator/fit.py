@@ -27,7 +27,7 @@ from gapsense.estimators.gap import gap_law, make_gap
 from gapsense.estimators.mhe.model import Parameters, device
 from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
 from gapsense.identification.actuator import kernel as simulated
-from gapsense.identification.actuator.drive import ALIKE, ANYWHERE, LEFT, Excitation, read_excitation
+from gapsense.identification.actuator.drive import ALIKE, LEFT, Excitation, read_excitation
 from gapsense.identification.actuator.kernel import USUAL, Beyond
 from gapsense.identification.least_squares import (
     STEP,
@@ -42,6 +42,7 @@ from gapsense.identification.least_squares import (
     rms,
 )
 from gapsense.identification.measurements.record import Record
+from gapsense.identification.measurements.signals import ANYWHERE
 from gapsense.identification.residual import EXPLAINED, FLOOR, Residual, rounding
 from gapsense.identification.residual import residual as of_all
 from gapsense.identification.show import Validation, compare
@@ -296,9 +297,10 @@ def commission(
     names = [name for name in dict.fromkeys((*DEVIATIONS, *doubts)) if is_fitted(par, name)]
     every = Problem(par, names, drives, doubts=doubts)
     found = search(every, progress)
-    if not found.is_explained:
+    is_too_fast = any(d.is_too_fast for d in drives)  # nothing explains it
+    if not found.is_explained and not is_too_fast:
         found = min((found, *(search(every, progress, start=start) for start in STARTS)), key=lambda each: each.misfit)
-    if leaves_more(found) and not any(d.is_too_fast for d in drives):
+    if leaves_more(found) and not is_too_fast:
         for form in FORMS:
             richer = search(with_more(every, form), progress, in_pieces=True)
             found = richer if is_sound(richer, found) and is_better(richer, found) else found
@@ -568,13 +570,8 @@ def is_fitted(par: Parameters, name: str) -> bool:
     return bool(getattr(par, name) > 0.0 and (has_fringe or name not in ("gap_fringing", "gap_window")))
 
 
-def validate_actuator(par: Parameters, records: Sequence[Record], beyond: Beyond = USUAL) -> list[Validation]:
-    """The model beside each of some records; only offsets and the places of edges are sought."""
-    return [validate(par, record, beyond) for record in records]
-
-
-def validate(par: Parameters, record: Record, beyond: Beyond) -> Validation:
-    """Beside one of them."""
+def validate(par: Parameters, record: Record, beyond: Beyond = USUAL) -> Validation:
+    """The model beside a record; only offsets and the places of edges are sought."""
     driven = read_excitation(record, par)
     p = Problem(par, [], [driven], beyond=beyond)
     x = minimise(p, np.zeros(p.deviations.size), LONGEST, ENOUGH).point

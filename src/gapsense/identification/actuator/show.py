@@ -157,7 +157,7 @@ def write_actuator(
     )
 
 
-STOPS, MOVER = ("stop.lower", "stop.upper"), ("mover.mass", "spring.stiffness", "spring.rest", "damping")
+ENDS, MOVER = ("stop.lower", "stop.upper"), ("mover.mass", "spring.stiffness", "spring.rest", "damping")
 COIL = ("coil.resistance", "coil.turns", "core.reluctance", "core.saturation")  # losses need no more than a guess
 GAPS = {GapLaw.fringing: ("gap.slope", "gap.fringing", "gap.window"), GapLaw.table: ("gap.file",)}
 LEAST_DOUBT = 0.5  # of a logarithm
@@ -171,7 +171,7 @@ FITTED_AS = {
 
 def missing(known: Parameters, given: Collection[str]) -> list[str]:
     """Names of what is needed and was not given."""
-    return [n for n in (*STOPS, *COIL, *MOVER, *GAPS[GapLaw(int(known.gap_law))]) if n not in given]
+    return [n for n in (*ENDS, *COIL, *MOVER, *GAPS[GapLaw(int(known.gap_law))]) if n not in given]
 
 
 def doubts(names: Sequence[str]) -> dict[str, float]:
@@ -206,7 +206,7 @@ def actuator_tables(
         table("Parameters", HEADS, rows),
         *([validation(checks)] if checks else []),
         *assumptions(known, assumed),
-        untold([name for name in (*STOPS, "coil.turns") if name not in assumed]),
+        untold([name for name in (*ENDS, "coil.turns") if name not in assumed]),
         *remarks(result, before),
         *about(*(drive.record for drive in result.drives), *(check.record for check in checks)),
     ]

@@ -18,11 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
 from scipy.linalg import cholesky, eigh, solve_triangular
-from scipy.optimize import minimize_scalar
 
 from gapsense.estimators.core_losses import SATURATED
 from gapsense.identification.fem.reading import Solved
-from gapsense.identification.gap_law.laws import Law, Matrix, Vector, not_negative, reluctance, total
+from gapsense.identification.gap_law.laws import Law, Matrix, Vector, lowest, not_negative, reluctance, total
 from gapsense.identification.least_squares import rms
 
 FORMS = ("Froehlich", "bent")  # R_c0/(1 - x), or K x^2/(1 - x^2), at x = flux linkage over that of saturation
@@ -121,9 +120,7 @@ def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> 
         return factors, float(((columns @ factors - values) ** 2).sum()) + max(beside, 0.0)
 
     spans = np.log(lam.max() * np.geomspace(1.0 / SATURATED, FARTHEST, 30))
-    k = int(np.argmin([solved(span)[1] for span in spans]))
-    bounds = spans[max(k - 1, 0)], spans[min(k + 1, spans.size - 1)]
-    at = float(minimize_scalar(lambda x: solved(x)[1], bounds=bounds, method="bounded").x)
+    at = lowest(lambda x: solved(x)[1], spans)
     (core, offset, *slopes), cost = solved(at)[0].tolist(), solved(at)[1]
     fine = np.linspace(knots[0], knots[-1], SLOPES)
     rise = splines(knots, fine, degree=degree) @ slopes

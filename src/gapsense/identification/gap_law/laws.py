@@ -105,6 +105,13 @@ def not_negative(columns: Matrix, values: Vector) -> Vector:
     return np.asarray(scipy.optimize.nnls(triangle, Q.T @ values)[0] / sizes)
 
 
+def lowest(cost: Callable[[float], float], places: Vector) -> float:
+    """Where a cost is lowest: next to the best of some places, which rise."""
+    k = int(np.argmin([cost(place) for place in places]))
+    bounds = places[max(k - 1, 0)], places[min(k + 1, places.size - 1)]
+    return float(scipy.optimize.minimize_scalar(cost, bounds=bounds, method="bounded").x)
+
+
 def basis(knots: Vector, h: Vector) -> Matrix:
     """Integrals from 0 to `h` of the slopes that are 1 at one knot and 0 at all others; constant beyond the last."""
     points = np.unique(np.concatenate((knots, h, [0.0])))

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from gapsense.actuators.magnetics import MU_0, SATURATED
-from gapsense.identification.gap_law.laws import Law, Matrix, Vector, basis, not_negative, reluctance, total
+from gapsense.identification.gap_law.laws import Law, Matrix, Vector, basis, lowest, not_negative, reluctance, total
 
 KNOTS = (2, 3, 4, 6, 8)  # at which slopes are sought
 ENOUGH = 6 + 3  # numbers of a law with six of them
@@ -120,9 +120,7 @@ def _summed(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> S
         return factors, samples.current - columns @ factors
 
     spans = np.log(np.geomspace(1.0 + 1e-3, FARTHEST, 25) * np.abs(samples.flux_linkage).max())
-    k = int(np.argmin([square(fitted(span)[1]) for span in spans]))
-    bounds = spans[max(k - 1, 0)], spans[min(k + 1, spans.size - 1)]
-    at = float(scipy.optimize.minimize_scalar(lambda x: square(fitted(x)[1]), bounds=bounds, method="bounded").x)
+    at = lowest(lambda x: square(fitted(x)[1]), spans)
     factors, left = fitted(at)
     core, offset, *rest = factors.tolist() if has_offset else (factors[0], 0.0, *factors[1:])
     return Sum(

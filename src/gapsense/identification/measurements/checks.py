@@ -122,7 +122,10 @@ def clipping(columns: Columns, name: str) -> Iterator[str]:
         clipped = [] if extreme == 0.0 else [run for run in true_runs(is_flat) if run[1] - run[0] >= CLIPPED]
         if clipped and not _is_noisy(x[~is_flat]):
             least = max(STEEP * float(np.ptp(x)), 2.0 * resolution(x)) if name == "current" else np.inf
-            clipped = [run for run in clipped if _change_before(x, run[0]) > least]
+            before = [
+                np.diff(x[max(first - 2, 0) : first + 1]) for first, _ in clipped
+            ]  # where one that settles is flat
+            clipped = [run for run, steps in zip(clipped, before) if np.abs(steps).max(initial=0.0) > least]
         if clipped:
             first, end = clipped[0]
             yield (
@@ -137,11 +140,6 @@ def _is_noisy(x: Vector) -> bool:
     steps = np.diff(x)
     alternates = float(np.mean(steps[1:] * steps[:-1] < 0.0)) if steps.size > 1 else 0.0
     return alternates > 0.25 and noise(x) > 2.0 * resolution(x)
-
-
-def _change_before(x: Vector, first: int) -> float:
-    """Largest change just before the signal becomes flat: more than a digit, where a settling one would not."""
-    return float(np.abs(np.diff(x[max(first - 2, 0) : first + 1])).max(initial=0.0))
 
 
 SPIKE = 0.2  # if all other currents are below this share of the largest one, it is a spike

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import read_bytes, unread
+from gapsense._os.files import number, read_bytes, unread
 from gapsense.cosim.result.result import Result, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.scenario.read import RECORD, other_kind
@@ -63,11 +63,7 @@ def head_of(cell: str) -> str:
 
 def is_number(cell: str, decimal: str) -> bool:
     """Whether a cell holds a number, NaN included."""
-    try:
-        float(cell.replace(decimal, "."))
-    except ValueError:
-        return False
-    return True
+    return number(cell.replace(decimal, ".")) is not None
 
 
 def with_unit(head: str, unit: str) -> str:
@@ -188,7 +184,9 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
         column = how.names.get(name, name).lower()
         if column in columns:
             place, written = columns[column]
-            problems += _twice(head, column, [k + 1 for k, match in matches if match[1].lower() == column])
+            if others := [str(k + 1) for k, match in matches if match[1].lower() == column and k != place]:
+                both = " and ".join(sorted([*others, str(place + 1)], key=int))
+                problems.append(f"{head}: columns {both} are both called `{column}`. Rename one.")
             cells = [(line.number, line.cells[place].strip() if place < len(line.cells) else "") for line in lines[1:]]
             if name == "temperature":
                 cells = [cell for cell in cells if cell[1]]
@@ -202,19 +200,12 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
 
 
 def _too_long(file: str, lines: Sequence[Line], width: int) -> Iterator[str]:
-    for number, cells in lines:
+    for row, cells in lines:
         if len(cells) > width:
             yield (
-                f"{file}, row {number}: {len(cells)} cells found, {width} expected. Write numbers with a point, not a"
+                f"{file}, row {row}: {len(cells)} cells found, {width} expected. Write numbers with a point, not a"
                 ' comma, or separate the cells by semicolons and add `--separator ";" --decimal ,`.'
             )
-
-
-def _twice(head: str, column: str, places: list[int]) -> list[str]:
-    """That several columns have the name of one that is read, if so."""
-    if len(places) == 1:
-        return []
-    return [f"{head}: columns {' and '.join(map(str, places))} are both called `{column}`. Rename one."]
 
 
 def _missing(head: str, name: str, column: str, found: list[str]) -> str:
@@ -243,7 +234,7 @@ def _numbers(file: str, column: str, cells: list[tuple[int, str]], decimal: str,
     try:
         values = np.array(texts, dtype=np.str_).astype(np.float64)  # at once: a record may have a million
     except ValueError:
-        values = np.array([_number(text) for text in texts])
+        values = np.array([number(text) for text in texts], dtype=np.float64)  # None becomes NaN
     if np.isfinite(values).all():
         return values
     values = np.where(np.isfinite(values), values, math.nan)
@@ -262,13 +253,6 @@ def _mean(temperatures: Vector, written: str | None, rows: int) -> Vector:
     """Mean temperature in degC, in every row: such columns have gaps, for they are recorded slowly."""
     mean = float(temperatures.mean()) if temperatures.size else math.nan
     return np.full(rows, mean - (KELVIN if written == "K" else 0.0))
-
-
-def _number(text: str) -> float:
-    try:
-        return value if math.isfinite(value := float(text)) else math.nan
-    except ValueError:
-        return math.nan
 
 
 def reading(

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.identification.measurements.low_pass import Filtered, Ramp, find_low_pass
-from gapsense.identification.measurements.signals import noise
+from gapsense.identification.measurements.signals import ANYWHERE, noise
 from gapsense.identification.options import SHARP
 
 Vector = npt.NDArray[np.float64]
@@ -94,7 +94,7 @@ def _end(i: Vector, sigma: float) -> tuple[float | None, float]:
     slope, last = np.polyfit(STEPS, before, 1)
     hidden = max(float(np.ptp(after)), float(np.ptp(before - slope * STEPS)))
     if last <= 0.0 or -slope <= CLEAR * hidden:
-        return None, 12.0**-0.5
+        return None, ANYWHERE
     part = min(float(last / -slope), 1.0)
     line = 1.0 / LINE + (part - STEPS.mean()) ** 2 / (LINE * STEPS.var())
     return part, float(sigma / -slope * np.sqrt(line + 1.0 / LINE))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 Vector = npt.NDArray[np.float64]
 
 SIGMAS = 4.0
+ANYWHERE = 1.0 / math.sqrt(12.0)  # standard deviation of the place of an edge between two samples, in sampling periods
 EDGE = 0.25  # of the range of a voltage: less is no edge
 NARROW = 100  # samples, over which a convolution is quick; differences of sums round worse
 

@@ -10,13 +10,12 @@ import numpy.typing as npt
 
 from gapsense.identification.measurements.operations import Operation, Places
 from gapsense.identification.measurements.record import Record, Vector
-from gapsense.identification.measurements.signals import noise
+from gapsense.identification.measurements.signals import ANYWHERE, noise
 
 SWITCHED = 0.1  # rise at a switched edge, in the range of the voltage
 OFTEN = 5  # times that the voltage rises in an operation that is switched
 FLOWS = 0.05  # of the largest current
 NEXT = 3.0  # usual periods after which a rise is no more one of the same pulses
-ANYWHERE = 1.0 / np.sqrt(12.0)  # standard deviation of the place of an edge between two samples
 
 
 class Carrier(NamedTuple):

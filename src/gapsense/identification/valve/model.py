@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -309,21 +309,37 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
             Response(behind(found, run.current), None if run.position is None else run.position[1::2]) for run in runs
         ]
     kernel, with_position = kernel_of(pars[0]), experiment.position is not None
-    count, changes = experiment.current.size, np.diff(experiment.resistance, prepend=np.nan) != 0.0
-    course, dt = follow(experiment.halves), experiment.dt
-    recorded = plan_of(kernel, tuple(course.is_jump.tolist()), tuple(changes.tolist()), with_position)
+    halves, R = experiment.halves, experiment.resistance
+    drive = drive_of(halves.tobytes(), R.tobytes(), experiment.dt)
+    recorded = plan_of(kernel, drive.is_jump, drive.changes, with_position)
     if recorded.library is None:
         models = [simulate_experiment(par, experiment) for par in pars]
         return [Response(model.current, model.position if with_position else None) for model in models]
     columns: dict[str, Any] = dict(zip(columns_of(kernel), zip(*map(flat, pars))))
     columns = {name: np.transpose(v) if isinstance(v[0], list) else [v] for name, v in columns.items()}
-    columns[RESISTANCE] = experiment.resistance
-    early, late = dt * course.parts.T
-    columns |= dict(zip(("mean", "first", "second"), (course.mean, *course.voltages.T)))
-    columns |= {"at": dt * np.arange(count), "early": early, "late": late, "whole": [dt]}
-    made = recorded.run(len(pars), **columns).T
-    currents = [run[:count] + more for run, more in zip(made, at_edges(pars, course, experiment.resistance))]
+    made, count = recorded.run(len(pars), **columns | drive.columns).T, R.size
+    currents = [run[:count] + more for run, more in zip(made, at_edges(pars, drive.course, R))]
     return [Response(i, run[count:] if with_position else None) for i, run in zip(currents, made)]
+
+
+class Drive(NamedTuple):
+    """Voltage and resistance of an experiment as the plan takes them."""
+
+    course: Course
+    is_jump: tuple[bool, ...]  # of each interval
+    changes: tuple[bool, ...]  # of the resistance, likewise
+    columns: dict[str, Vector]
+
+
+@lru_cache(maxsize=64)  # a fit simulates few experiments many times
+def drive_of(halves: bytes, resistance: bytes, dt: float) -> Drive:
+    """That of the numbers in these bytes."""
+    course, R = follow(np.frombuffer(halves).reshape(-1, 2)), np.frombuffer(resistance)
+    early, late = dt * course.parts.T
+    columns = dict(zip(("mean", "first", "second"), (course.mean, *course.voltages.T)))
+    columns |= {"at": dt * np.arange(R.size), "early": early, "late": late, "whole": np.array([dt]), RESISTANCE: R}
+    changes = np.diff(R, prepend=np.nan) != 0.0
+    return Drive(course, tuple(course.is_jump.tolist()), tuple(changes.tolist()), columns)
 
 
 @cache

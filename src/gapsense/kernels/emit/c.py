@@ -8,7 +8,7 @@ from itertools import count
 from typing import Any
 
 from gapsense.kernels.elementary import DOUBLE, FLOAT, FORMULAS, Format
-from gapsense.kernels.emit.cells import cells
+from gapsense.kernels.emit.cells import Cells
 from gapsense.kernels.emit.printer import Graph, Loop, Printer, elementary
 from gapsense.kernels.layout import fields, names
 from gapsense.kernels.trace import ARITHMETIC, BOOLEAN, UNARY, Expr, Region, memory_of
@@ -221,7 +221,7 @@ typedef double real;
         """Let values stand in the state, if the function changes one."""
         state = self.state()
         if len(state) > FEW and len(self.graph.results) > 1:
-            self.cells = cells(self, state, self.graph.results[0][1], self.is_whole)
+            self.cells = Cells(self).found(state, self.graph.results[0][1], self.is_whole)
             self.cell_texts = {self.text[symbol.id] for symbol in state}
 
     def state(self) -> list[Expr]:

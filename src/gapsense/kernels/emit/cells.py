@@ -26,21 +26,13 @@ class Use(NamedTuple):
     given: Value | None = None
 
 
-def cells(
-    printer: Printer, state: list[Expr], results: list[Any], is_whole: Callable[[Any], bool]
-) -> dict[Value, Expr]:
-    """Of values that `if` nodes give, and that can stand in the state, the symbol of the state where they do.
-
-    Whole numbers, as which truth values are kept too, cannot.
-    """
-    return _Cells(printer).found(state, results, is_whole)
-
-
 def _value(node: Expr) -> Value:
     return (node.args[0].id, node.extra) if node.op == "get" and node.args[0].op == "if" else (node.id, -1)
 
 
-class _Cells:
+class Cells:
+    """What is known of the values of a function that goes on from a state."""
+
     def __init__(self, printer: Printer) -> None:
         self.printer, self.root = printer, printer.graph.tape.root
         self.around: dict[int, tuple[Expr, Region]] = {}  # of a region the node that holds it, and where that is
@@ -91,7 +83,10 @@ class _Cells:
                 yield from self._uses(_value(user))
 
     def found(self, state: list[Expr], results: list[Any], is_whole: Callable[[Any], bool]) -> dict[Value, Expr]:
-        """As `cells`."""
+        """Of values that `if` nodes give, and that can stand in the state, the symbol of the state where they do.
+
+        Whole numbers, as which truth values are kept too, cannot.
+        """
         standing = {symbol.id: [(symbol.id, -1)] for symbol in state}  # in each cell
         symbols = {symbol.id: symbol for symbol in state}
         cell_of: dict[Value, int] = {(symbol.id, -1): symbol.id for symbol in state}

@@ -40,6 +40,7 @@ COMPILERS_AT_ONCE = 2
 TELLING = threading.Lock()
 OLD = 90 * 86400.0  # seconds after which what was not used is removed
 PRIVATE = 0o700  # mode of what is ours
+own_folder = cache(temporary_folder)  # of this process
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` can name another folder."
 INSTEAD = (
@@ -197,12 +198,6 @@ def run(command: Sequence[str]) -> str:
     if done.returncode:
         raise NativeError(f"`{command[0]}` could not compile: {' '.join(done.stderr.split())[:300]}")
     return done.stdout
-
-
-@cache
-def own_folder() -> Path:
-    """Folder of this process."""
-    return temporary_folder()
 
 
 def tidy(folder: Path) -> None:

@@ -28,6 +28,11 @@ class Column(ctypes.Structure):
     _fields_ = [("address", ctypes.c_void_p), *((name, ctypes.c_ssize_t) for name in ("row", "run", "size"))]
 
 
+def columns_in_c(arrays: Sequence[Floats]) -> ctypes.Array[Column]:
+    """Arrays as C takes them; `ctypes.data` would take twice as long."""
+    return (Column * len(arrays))(*(Column(a.__array_interface__["data"][0], *a.strides, len(a)) for a in arrays))
+
+
 class Array(Enum):
     """Columns that functions take as a whole."""
 
@@ -51,6 +56,14 @@ class Plan:
     @cached_property
     def _addresses(self) -> list[int] | None:
         return addresses(self.program.codes)
+
+    @cached_property
+    def _called(self) -> tuple[ctypes.Array[ctypes.c_void_p], ctypes.Array[ctypes.c_void_p]]:
+        """Addresses of all functions, and of the constants of each."""
+        constants = [code.c.constants.ctypes.data for code in self.program.codes]
+        own = [address(self.library, name) for name in ("take", "keep")] if self.library else []
+        kind = ctypes.c_void_p * (OWN + len(constants))
+        return kind(*own, *(self._addresses or ())), kind(*[None] * OWN, *constants)
 
     @cached_property
     def _words(self) -> npt.NDArray[np.int32]:
@@ -84,11 +97,8 @@ class Plan:
         return [_of_all_runs(np.asarray(made[name], float), runs) for name in self.program.columns]
 
     def _in_c(self, library: ctypes.CDLL, runs: int, arrays: list[Floats]) -> None:
-        words, constants = self._words, [code.c.constants for code in self.program.codes]
-        columns = (Column * len(arrays))(*(Column(a.ctypes.data, *a.strides, len(a)) for a in arrays))
-        own = [address(library, name) for name in ("take", "keep")]
-        functions = (ctypes.c_void_p * (OWN + len(constants)))(*own, *(self._addresses or ()))
-        numbers = (ctypes.c_void_p * (OWN + len(constants)))(*[None] * OWN, *(c.ctypes.data for c in constants))
+        words, (functions, numbers) = self._words, self._called
+        columns = columns_in_c(arrays)
         memory = np.empty(library.width() * (self.program.room + 1))
         places = [ctypes.c_void_p(array.ctypes.data) for array in (words, memory)]
         first, last, length = map(ctypes.c_ssize_t, (0, runs, words.size))

@@ -106,24 +106,25 @@ def constant(result: Result, name: str) -> Curve:
 
 def published(result: Result, pair: Metric) -> Curve:
     """A signal that is about earlier times, at these."""
-    samples = in_order(finder(result)(pair))
-    spread = band(result, pair.signal)
+    samples, spread = samples_of(result, pair), band(result, pair.signal)
     values = result[pair.signal][samples.rows]
     return Curve(pair.signal, samples.times, values, None if spread is None else spread[samples.rows], is_held=False)
 
 
 def error(result: Result, pair: Metric) -> Curve:
     """An estimate less its reference, where the estimator has just stepped."""
-    samples = in_order(finder(result)(pair))
+    samples = samples_of(result, pair)
     values, spread = result[pair.signal][samples.rows] - reference(pair, result, samples), band(result, pair.signal)
     known = np.isfinite(values)
     half = None if spread is None else spread[samples.rows][known]
     return Curve(pair.signal, samples.times[known], values[known], half, is_held=pair.time is None)
 
 
-def in_order(samples: Samples) -> Samples:
-    """Samples by the times that they are about."""
+def samples_of(result: Result, pair: Metric) -> Samples:
+    """Samples by the times that they are about; what is said of times before the record is not shown."""
+    samples = finder(result)(pair)
     order = np.argsort(samples.times, kind="stable")
+    order = order[samples.times[order] >= result.times[0]]
     return Samples(samples.rows[order], samples.times[order])
 
 

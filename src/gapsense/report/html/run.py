@@ -188,7 +188,7 @@ def panels(shown: Shown) -> list[Panel]:
         if key[1] == INNOVATION:
             made.append(innovations(result, names))
             continue
-        made.append(panel(result, key, names, own))
+        made.append(panel(result, key, names, own, published_later(names, compared)))
         if own:
             made.append(errors(result, made[-1], own))
     return [panel for panel in made if any(c.values.size for c in panel.curves)]
@@ -244,9 +244,14 @@ def parted(found: Mapping[Key, list[str]]) -> Iterator[tuple[Key, list[str]]]:
             yield (unit, own), [name for name in names if name.partition(".")[2] == own]
 
 
-def panel(result: Result, key: Key, names: list[str], compared: list[Metric]) -> Panel:
-    """Signals, and the parameters that they are held to."""
-    later = {p.signal: p for p in compared if p.time is not None}
+def published_later(names: list[str], compared: list[Metric]) -> dict[str, Metric]:
+    """Signals of earlier times, as metrics tell: of `a.smoothed_time` are `a.smoothed_position` and all such names."""
+    timed = [(p, p.time.removesuffix("time")) for p in compared if p.time is not None]
+    return {n: replace(p, signal=n) for n in names for p, begin in timed if p.signal == n or n.startswith(begin)}
+
+
+def panel(result: Result, key: Key, names: list[str], compared: list[Metric], later: Mapping[str, Metric]) -> Panel:
+    """Signals, and the parameters that they are held to; those published `later` at the times that they are about."""
     truths = dict.fromkeys(str(p.reference) for p in compared)
     constants = [curves.constant(result, name) for name in truths if name not in result.signals]
     drawn = [

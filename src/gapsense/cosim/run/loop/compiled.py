@@ -31,19 +31,17 @@ def language() -> str:
 
 def advancer(work: Work) -> Advance:
     """Function that does base steps up to a given one, and says how far it came."""
-    is_needed = needs_python(work)
+    experiment = work.experiment
+    is_needed = (  # what does more than one step after the other, with values that hold in them
+        experiment.method == ITERATIVE
+        or experiment.step_control is not None
+        or any(part.interpolates(experiment) for part in work.parts)
+    )
     run = None if is_needed else entry()
     work.recording.loop = "C" if run else "Python only" if is_needed else "Python"
     if run:
         return in_c(work, run)
     return in_python(work, partial(in_loop, work) if entry("solve") else None)
-
-
-def needs_python(work: Work) -> bool:
-    """True for a run that does more than one step after the other, with values that hold in them."""
-    experiment = work.experiment
-    has_control = experiment.method == ITERATIVE or experiment.step_control is not None
-    return has_control or any(part.interpolates(experiment) for part in work.parts)
 
 
 # Base steps in Python: what loop.c does, with the same calls and bits, wherever that does not load.
