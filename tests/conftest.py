@@ -37,6 +37,7 @@ LONG = (  # files that take minutes in the long tests, the longest first, and th
     *("test_site", "test_platforms", "test_export", "test_everywhere", "test_benchmarks", "test_run_to_run_demands"),
     *("test_profiles", "test_estimators", "test_forged_states", "test_identification_losses", "test_parity"),
     *("test_identification", "test_run_to_run", "test_contract", "test_sweep", "test_runnable", "test_hosts"),
+    *("test_identification_drive", "test_coil", "test_low_pass", "test_fem"),
 )
 store.SYNCHRONOUS = "OFF"  # no test cuts the power, and six thousand waits for the disk take 20 s
 gc.disable()  # until all tests have been found, which takes three times as long with it

@@ -68,6 +68,7 @@ DEMANDS = tuple(
         ("missed spike lost", "contact model", "90 %", 18, 0.18),
         ("voltage-offset", "contact", "90 %", 10, 0.20),
         ("supply", "contact model", "90 %", -LAST, 0.30),
+        ("supply", "contact", "median", -LAST, 0.12),
         ("damping-step rest-step", "contact model", "median", -LAST, 0.12),
         ("softer", "contact model", "median", -LAST, 0.20),
         ("play", "model", "median", -LAST, 0.12),

@@ -200,21 +200,22 @@ def test_a_fault_that_shows_in_one_direction_stays_told(fault: str) -> None:
     assert np.all(found["health"][-4 * CYCLE :] == 1.0)
 
 
-@pytest.mark.parametrize("noise", [10e-3, 20e-3])
-def test_a_fault_within_the_noise_is_told_by_what_is_learnt_of_it(noise: float) -> None:
-    """No innovation tells a stop that is 10 % lower: 41 and 100 % of the wrong time had no sign."""
-    wrong, silent = 0, 0
-    for seed in range(4):
-        starts, draw = irregular(40 + seed, 42), np.random.default_rng(seed)
-        s = faulty(24, 42, 42, starts=starts, **ONE_WAY["lower stop lower"])
-        voltage = s.voltage + 15.0 * noise * draw.standard_normal(s.mode.size)
-        current = s.current + np.sqrt(noise**2 - 2e-3**2) * draw.standard_normal(s.mode.size)
-        found = run(blind(noise_current=noise, noise_voltage=15.0 * noise), rows(voltage, current))
-        is_wrong = (np.abs(found["position"] - s.position) > 105e-6) & (np.arange(s.mode.size) >= starts[24])
-        wrong, silent = wrong + int(is_wrong.sum()), silent + int(found["health"][is_wrong].sum())
-        assert np.all(found["health"][starts[6] : starts[24]] == 1.0)
-        assert says(found, readings.CHANGING)[starts[24] :].any()
-    assert wrong > 3000 and silent < 0.25 * wrong
+@pytest.mark.parametrize("noise, lower, higher", [(10e-3, 0.01, 0.06), (20e-3, 0.12, 0.45)])
+def test_a_fault_within_the_noise_is_told_by_what_sums_up(noise: float, lower: float, higher: float) -> None:
+    """No innovation tells a stop that has moved by 10 %: by what is learnt of it, up to 73 % had no sign."""
+    for fault, most in zip(ONE_WAY, (lower, higher)):
+        wrong, silent = 0, 0
+        for seed in range(3):
+            starts, draw = irregular(40 + seed, 42), np.random.default_rng(seed)
+            s = faulty(24, 42, 42, starts=starts, **ONE_WAY[fault])
+            voltage = s.voltage + 15.0 * noise * draw.standard_normal(s.mode.size)
+            current = s.current + np.sqrt(noise**2 - 2e-3**2) * draw.standard_normal(s.mode.size)
+            found = run(blind(noise_current=noise, noise_voltage=15.0 * noise), rows(voltage, current))
+            is_wrong = (np.abs(found["position"] - s.position) > 105e-6) & (np.arange(s.mode.size) >= starts[24])
+            wrong, silent = wrong + int(is_wrong.sum()), silent + int(found["health"][is_wrong].sum())
+            assert np.all(found["health"][starts[6] : starts[24]] == 1.0)
+            assert says(found, readings.CHANGING)[starts[24] :].any()
+        assert wrong > 2000 and silent < most * wrong, (fault, silent / wrong)
 
 
 def test_a_command_that_no_motion_followed_is_told() -> None:

@@ -92,7 +92,7 @@ def test_halves_have_the_volt_seconds_of_the_recorded_voltage_and_of_its_sharp_e
     assert (halves + means)[1:] == pytest.approx(sharp.reshape(-1, 500).mean(axis=1).reshape(-1, 2)[:-1], abs=0.05)
 
 
-@pytest.mark.parametrize(("corner", "order"), [(2e3, 1), (4e3, 2)])
+@pytest.mark.parametrize(("corner", "order"), [(2e3, 1), pytest.param(4e3, 2, marks=pytest.mark.slow)])
 def test_filter_of_both_channels_leaves_the_device_as_it_is(corner, order):
     """Before, mass and damping were 3 to 6 stated errors off."""
     c = Condition(blurred=0.5 / np.pi / corner, order=order, edge=0.3)

@@ -11,6 +11,7 @@ from costs import BEGIN, BEGIN_OF_ALL, END, FOUR, PAGE, ROWS, Row, design_of, li
 from costs import EVERY as EVERY_ROW
 from host import ROOT, played
 from servo import served
+from test_mhe_sampling import operated
 
 from gapsense.embedded.design import designed
 from gapsense.embedded.export import memory
@@ -98,5 +99,18 @@ def test_no_step_of_mhe_is_long_while_it_follows_a_servo(tmp_path: Path) -> None
     position = np.array(expected(design, rows))[:, [*design.kept["outputs"]].index("position")]
     error = (position - plant.position[kept])[2550:4550]
     assert np.sqrt(np.mean(error**2)) < 60e-6  # 500 um where it does not follow
+    found = cost(design, rows, "Cortex-M4F", tmp_path)
+    assert found.most <= 5.0 * found.median, found
+
+
+@pytest.mark.parametrize("micros", [50, 100])
+def test_no_step_of_mhe_is_long_at_coarse_samples(micros: int, tmp_path: Path) -> None:
+    """Not beyond five medians, by instructions; a step of 100 us had 7.1, 35 samples of a trial."""
+    given, dt = next(row for row in ROWS if row.part == "mhe").record(), micros * 1e-6
+    design = designed(given.folder, "float", (), {**given.values, "sample_time": dt})
+    plant, _ = operated(dt, False)
+    noise = np.random.default_rng(1).standard_normal((2, 1000))
+    measured = (plant.voltage[:1000] + 30e-3 * noise[0], plant.current[:1000] + 2e-3 * noise[1])
+    rows = np.transpose([dt * np.arange(1000), *measured, np.zeros(1000)]).astype(np.float32).astype(float).tolist()
     found = cost(design, rows, "Cortex-M4F", tmp_path)
     assert found.most <= 5.0 * found.median, found

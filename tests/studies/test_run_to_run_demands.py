@@ -68,13 +68,25 @@ def test_what_noise_of_20_mA_leaves_of_soft_landing_arrives_and_is_told(law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("condition", "noise"), [("noise", 5e-3), ("rest-step", 20e-3), ("damping-step", 20e-3)])
+@pytest.mark.parametrize(
+    ("condition", "noise"),
+    [("noise", 5e-3), ("damping-step", 5e-3), ("rest-step", 20e-3), ("damping-step", 20e-3)],
+)
 def test_what_a_contact_teaches_is_soft_with_noise_and_after_a_change(condition, noise):
     """Medians of the last ten cycles at most 0.13 m/s; before averages began anew 0.13 to 0.17 m/s in closings."""
     row = CONDITIONS[condition]
     seen = outcome("contact", row._replace(changes={"noise_current": noise}), HELD_OUT, range(FEWER), 40)
     assert np.all(quantile(seen.speeds[-LAST:], "median") < 0.13)
     assert noticed(seen).told >= 0.95 * noticed(seen).hard
+    assert np.mean(seen.speeds[LEARNT:] == NEVER) < (1e-3 if noise < 20e-3 else 5e-3)
+
+
+@pytest.mark.slow
+def test_a_warm_coil_with_a_noisy_current_is_no_cause_of_hard_operations():
+    """Less than 1 of 1,000; it was 8 where R was that of the current that was expected, and all numbers wandered."""
+    row = CONDITIONS["warm"]
+    seen = outcome("contact", row._replace(changes={**row.changes, "noise_current": 20e-3}), HELD_OUT, range(30), 200)
+    assert noticed(seen).hard < 1e-3 * seen.speeds.size
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ WARM = 0.85  # share of the voltage that the resistance may need
 HOLDS = 0.1  # of the usual current: less does not tell the resistance
 MEAN = 0.5  # of a zero that noise explains
 LANDED, SURE = 0.01, 5.0  # of the usual current: it rises by more where a mover lands; standard deviations of noise
-TOP, APART = 0.3, 0.5e-3  # share by which the mean of the last closings follows; farther from it is another one [Wb]
+TOP, APART = 0.3, 6.0  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 STEADIER, SOMEWHERE = 0.05, 2e-3  # the same if the current is noisy
 SLOWER = 0.1  # then: share by which the resistance and the first flux linkage follow, once there were so many cycles
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
@@ -98,6 +98,7 @@ def integrated(
     new = coil._replace(
         flux=coil.flux + dt * (u - coil.resistance * mean),
         charge=coil.charge + dt * mean,
+        passed=coil.passed + dt * 0.5 * (coil.last_current + i),
         bridge_gain=_bridge_gain(coil, u, par),
         last_voltage=u,
         last_current=i,
@@ -205,7 +206,9 @@ def reluctance_at(z: Scalar, par: Parameters) -> Scalar:
 
 def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
     """With which the integral over the cycle ends where its last current says."""
-    return _resistance_of(coil, coil.flux - coil.shift - open_flux(coil, par), par)
+    ahead = coil.resistance * (coil.charge - coil.passed)
+    seen = coil._replace(charge=coil.passed)
+    return _resistance_of(seen, coil.flux + ahead - coil.shift - open_flux(coil, par), par)
 
 
 def _resistance_of(coil: Coil, off: Scalar, par: Parameters) -> Scalar:
@@ -221,7 +224,7 @@ def closed(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scalar, par: P
     R, end = cycle_resistance(coil, par), open_flux(coil, par)
     off = end - coil.remanence
     slow = follow(cycles, SLOWER)
-    R = where(is_noisy, coil.measured + slow * (R - coil.measured), R)
+    R = where(is_noisy, coil.resistance + slow * (R - coil.resistance), R)
     start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
     start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
     trend = where(cycles > YOUNG, coil.trend + TREND * ((R - coil.measured) - coil.trend), 0.0)
@@ -283,13 +286,13 @@ def drawn(coil: Coil, change: Scalar) -> Coil:
     return coil._replace(flux=coil.flux + change, drawn=coil.drawn + change)
 
 
-def topped(coil: Coil, is_noisy: Scalar) -> Coil:
+def topped(coil: Coil, is_noisy: Scalar, par: Parameters) -> Coil:
     """After a soft closing the flux linkage is nearly that of the last ones, and their mean has less noise."""
     off = coil.flux - coil.top
-    is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART)
+    is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART * wandering(coil, par))
     top = where(is_near, coil.top + where(is_noisy, STEADIER, TOP) * off, coil.flux)
     return coil._replace(top=top, shift=top - coil.flux, flux=top)
 
 
 def _restarted(coil: Coil, start: Scalar) -> Coil:
-    return coil._replace(flux=start, charge=0.0, shift=0.0, drawn=0.0, highest=0.0, lowest=0.0, rise=0.0)
+    return coil._replace(flux=start, charge=0.0, passed=0.0, shift=0.0, drawn=0.0, highest=0.0, lowest=0.0, rise=0.0)

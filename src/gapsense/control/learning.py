@@ -33,7 +33,10 @@ FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
 LITTLE = 1e-4  # flux linkage [Wb]
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
-DRIFT, WILDER = (0.005, 0.005, 0.005, 0.01), 4.0  # of a, b, q, r from operation to operation; with a noisy current
+DRIFT = (0.005, 0.005, 0.005, 0.01)  # of a, b, q, r from operation to operation
+# over that with a noisy current; openings with more of q, r would come to float, and then to be hard, in the plane that
+# no landing in time tells
+WILDER = ((4.0, 4.0, 1.0, 1.0), (4.0, 4.0, 4.0, 4.0))
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
@@ -123,8 +126,9 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     law = law._replace(slopes=where_each(is_soft, vector(by_law), law.slopes))
     by_speed = [change - growth * shift for change, shift in zip(slopes[NUMBERS:], slopes[:NUMBERS])]
     H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
-    is_steady, wander = is_soft & not_(is_noisy) & (state.since_plain > CLEAR), where(is_noisy, WILDER, 1.0)
-    learnt = _learnt(law, innovation, H, noise, is_steady, wander)
+    is_steady = is_soft & not_(is_noisy) & (state.since_plain > CLEAR)
+    wilder = [where(is_noisy, where(course.half > 0.0, closing, opening), 1.0) for opening, closing in zip(*WILDER)]
+    learnt = _learnt(law, innovation, H, noise, is_steady, vector(wilder))
     return state._replace(laws=laws.write(state.laws, course.half, learnt))
 
 
@@ -134,10 +138,11 @@ def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:
     return vector([old + where(is_first, 1.0, share) * (new - old) for new, old in zip(slopes, law.slopes)])
 
 
-def _learnt(law: Law, innovation: Array, H: Array, noise: Array, is_steady: Scalar, wander: Scalar) -> Law:
+def _learnt(law: Law, innovation: Array, H: Array, noise: Array, is_steady: Scalar, wilder: Array) -> Law:
     """No number changes by much at once."""
     q, P = condition(Gaussian(law.mean, law.cov), innovation, H, noise)
     change = [clip(new - old, -FARTHEST, FARTHEST) for new, old in zip(q, law.mean)]
     trend = vector([where(is_steady, KEEP * old + TREND * more, 0.0) for old, more in zip(law.trend, change)])
     mean = vector([clip(old + more + ramp, -LARGEST, LARGEST) for old, more, ramp in zip(law.mean, change, trend)])
-    return law._replace(mean=mean, trend=trend, cov=P + diagonal([square(wander * drift) for drift in DRIFT]))
+    wander = diagonal([square(w * drift) for w, drift in zip(wilder, DRIFT)])
+    return law._replace(mean=mean, trend=trend, cov=P + wander)

@@ -215,6 +215,7 @@ class Coil(NamedTuple):
     flux: Scalar  # [Wb]
     remanence: Scalar  # what it is believed to be at the start of the next one
     charge: Scalar  # integral of the current since then [A s]
+    passed: Scalar  # the same of the measured one [A s]
     asked: Scalar  # voltage, at the last sample [V]
     bridge_gain: Scalar  # measured voltage over what was asked, of late
     voltage_zero: Scalar  # of the reading of the voltage [V]

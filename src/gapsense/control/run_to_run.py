@@ -130,7 +130,7 @@ def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) ->
     coil, by_contact = state.coil, state.by_model < 1.0
     off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
     told = drawn(coil, where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
-    return cond(by_contact & not_(is_plain), lambda: topped(coil, state.running.averaged > 0.0), lambda: told)
+    return cond(by_contact & not_(is_plain), lambda: topped(coil, state.running.averaged > 0.0, par), lambda: told)
 
 
 def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -141,7 +141,7 @@ def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
 def _informed(state: State, par: Parameters) -> State:
     """The first cycle begins."""
     state = _unlearnt(state, 0.0, par)
-    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0), cycles=1.0)
+    return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0, passed=0.0), cycles=1.0)
 
 
 def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:

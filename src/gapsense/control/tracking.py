@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import correction
-from gapsense.control.coil import driving, follow
+from gapsense.control.coil import driving, follow, usual_current
 from gapsense.control.mover import Mover, make_mover
 from gapsense.control.profile import LEAST, Operation, flux, is_planned
 from gapsense.control.records import LONGEST, Parameters, Running, State
@@ -13,7 +13,9 @@ from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, square, 
 GAIN = 2000.0  # of the flux linkage [1/s]
 ENDS = 1.01  # of the least square of a flux linkage: the profile wants less than none
 FRESH = 1e-3  # time after a limit of the voltage in which nothing is learnt [s]
-UNTIL = (0.8, 0.6)  # travels of a closing, an opening, after which a noisy current is used as it is
+# travels of a closing, an opening, after which a noisy current is used as it is; of a closing more, by its noise over
+# the usual current: what is expected hides a mover that is late
+UNTIL, NOISIER = (0.55, 0.6), 6.0
 MEASURED, LASTING = 0.1, 0.05  # least share of that before; of an operation in the mean of the last ones
 
 
@@ -106,7 +108,9 @@ def expected_current(state: State, running: Running, par: Parameters) -> tuple[S
     expected = load(state.profiles, place(running, running.age)) + running.reluctance * state.coil.flux
     is_closing = running.command > 0.5
     after = running.age * par.sample_time - where(is_closing, par.closing_lead, par.opening_lead)
-    share = clip(after / (where(is_closing, *UNTIL) * running.travel), follow(_kind(running), MEASURED), 1.0)
+    closing, opening = UNTIL
+    until = where(is_closing, closing + NOISIER * state.coil.noise / usual_current(par), opening)
+    share = clip(after / (until * running.travel), follow(_kind(running), MEASURED), 1.0)
     return expected, where(running.is_plain > 0.0, 1.0, share)
 
 

@@ -118,6 +118,9 @@ STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no heal
 LITTLE, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
 FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
 SETTLED_SHARE = 0.52  # of the variance of a mean innovation that noise makes, where a device has settled
+# evidence that what was learnt no longer fits: a sum, sample by sample, of the squared mean innovation in its variance,
+# where the model's error counts this often, less what healthy devices may have; from `ENOUGH` on it is told
+EVIDENT, ALLOWED, ENOUGH = 1.25, 1.5, 1000.0
 PLACED_WELL = 0.0055  # of `window.tail`: deviation of edges that hardly change what is learnt
 
 
@@ -436,6 +439,7 @@ def _coil(held: Held, is_edge: Scalar, watch: Watch, learnt: Learnt, m: Model, p
 
 def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parameters) -> Health:
     """The table of causes on the page."""
+    is_changing = is_wandering(work.learnt) | (watch.evidence > ENOUGH)
     return health(
         {
             INNOVATION: (work.learnt.misfit >= par.health_limit) | is_strange(watch) | is_lost(work, par),
@@ -445,7 +449,7 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
             OTHER: is_untypical(work.fit.q_prior, par),
             UNTOLD: is_untold(watch, told),
             UNLEARNT: is_unlearnt(watch, par),
-            CHANGING: is_wandering(work.learnt) & is_well_learnt(watch, work.learnt, par),
+            CHANGING: is_changing & is_well_learnt(watch, work.learnt, par),
         }
     )
 
@@ -714,6 +718,7 @@ class Watch(NamedTuple):
     has_moved: Scalar = 0.0  # flag: there was a motion since then
     is_still: Scalar = 0.0  # flag: there was none between the two changes before
     is_bouncing: Scalar = 0.0  # flag: the mover bounces, and innovations do not count
+    evidence: Scalar = 0.0  # that the innovations of many samples are not those of the device that was learnt
 
 
 class Seen(NamedTuple):
@@ -825,6 +830,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
         edge=edge,
         is_bouncing=flag(is_bouncing),
         surprise=surprise,
+        evidence=where(counts & is_well_learnt(new, learnt, par), sum_up(new.evidence, surprise, par), new.evidence),
         is_large=flag(is_large),
         is_strange=where(is_large | is_lost | seen.is_fed_back, 1.0, new.is_strange),
         is_odd=where(is_too_large(surprise / FINE, learnt, par), 1.0, new.is_odd),
@@ -844,6 +850,13 @@ def is_too_large(
     most, known = where(is_set(par.option_further), STRANGE_SOFT, STRANGE), _known(par)
     young = YOUNG / square(where(learnt.explained >= known, learnt.explained, known))
     return fabs(mean) > (1.0 + young) * most * usual
+
+
+def sum_up(before: Scalar, mean: Scalar, par: Parameters) -> Scalar:
+    """Evidence (13) with a new mean innovation; once it is enough it is as much again, and so lasts for a while."""
+    usual = 0.5 * RECENT * square(par.noise_current) + square(EVIDENT * par.model_error)
+    new = before + square(mean) / usual - ALLOWED
+    return where((new > ENOUGH) & (before <= ENOUGH), 2.0 * ENOUGH, clip(new, 0.0, 2.0 * ENOUGH))
 
 
 def _known(par: Parameters) -> Scalar:

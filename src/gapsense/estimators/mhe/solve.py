@@ -2,7 +2,7 @@
 
 The cost (4) of corrections q is sum w^2 (i - i_model)^2 + (q - q0)' Pi (q - q0), with the posterior of the window
 before as arrival cost.  A pass with derivatives J of the current sums up H = sum w^2 J J' and g = sum w^2 r J of (5).
-Work per sample is bounded: `window.pace` pieces of a pass, or two pivots of an inverse.
+Work per sample is bounded: `window.pace` pieces of a pass, or two pivots of an inverse, by default as many pairs.
 
        a window opens <------------------------------------------------------+
               |                                                              |
@@ -59,6 +59,7 @@ from gapsense.estimators.mhe.window import (
     is_untaught,
     kept,
     origin_of,
+    pace,
     place,
     priors,
     published,
@@ -69,7 +70,7 @@ from gapsense.estimators.mhe.window import (
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import deviation, diagonal, outer, swept, total, vector
-from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, load, not_, sqrt, square, store, when, where
+from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, load, loop, not_, sqrt, square, store, when, where
 
 LOGARITHMS = 9  # the first corrections are logarithms
 # standard deviations of what an operation adds to the corrections, fields of `Device`; of R, what `WARMING` does
@@ -378,12 +379,17 @@ def _pass_idle(work: Work, par: Parameters) -> Work:
 
 
 def _invert(work: Work, par: Parameters) -> Work:
-    """Two pivots; after the last ones a trial, or the next window."""
+    """Some pivots, two at once; after the last ones a trial, or the next window."""
     fit = work.fit
+    pairs = where(par.window_pace > 0.0, 1.0, pace(par))
+    most = clip(fit.pivots_done + 2.0 * pairs, 0.0, float(N))
+
+    def two(normal: Array, done: Scalar) -> tuple[tuple[Array, Scalar], Scalar]:
+        return (put_matrix(normal, swept(swept(get_matrix(normal)))), done + 2.0), done + 2.0 >= most
 
     def pivot() -> Work:
-        A = swept(swept(get_matrix(fit.normal)))
-        return work._replace(fit=fit._replace(normal=put_matrix(fit.normal, A), pivots_done=fit.pivots_done + 2.0))
+        normal, done = loop(N // 2, two, (fit.normal, fit.pivots_done))
+        return work._replace(fit=fit._replace(normal=normal, pivots_done=done))
 
     def use() -> Work:
         return cond(work.phase == Phase.solving, lambda: _start_trying(work, par), lambda: _renew(work, par))

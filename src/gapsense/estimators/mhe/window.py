@@ -41,9 +41,10 @@ LOOSE = 13.0  # the same of damping, which dirt and wear change
 MOST, FARTHEST = 6.0, 2.0  # deviations that a correction may have, and the largest correction
 GUESSED = 3.0  # the same of eddy currents and hysteresis, of which only guesses are told
 AT_START = 0.004  # deviation of the flux linkage at the start of a window, in lambda_sat
-PACE = 7  # samples of a trial that are a piece of work
+PACE = 7  # samples of a trial that are a piece of work, at most
 FASTEST = 64  # pieces in a step, at most
-FAST = 16.0  # the same where the sample time says how many
+FAST = 5.0  # the same where the sample time says how many
+FEWEST, TRIED = 4.0, 250e-6  # samples of a trial that are a piece there, at least, and their time [s]
 AT_ONCE, SPAN = 4, 80e-6  # samples that derivatives and sums take at once, at most, and their time [s]
 USUAL_TIME = 20e-6  # sample time at which one piece in a step suffices [s]
 GUESS = 1.0  # deviation before the first window from which eddy currents are but a guess
@@ -339,7 +340,7 @@ def advance_pass(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par
 
 
 def pace(par: Parameters) -> Scalar:
-    """Pieces of a pass that a step may take: a step that comes later has more time."""
+    """Pieces of a pass that a step may take: more if samples are farther apart, but no step is to last for long."""
     by_time = clip(floor(par.sample_time / USUAL_TIME + 0.5), 1.0, FAST)
     return where(par.window_pace > 0.0, par.window_pace, by_time)
 
@@ -398,6 +399,9 @@ def _try(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parame
     """Samples of a trial."""
     window = work.window
     limit = where(window.age < window.end, window.age, window.end)
+    by_time = clip(floor(TRIED / par.sample_time), FEWEST, float(PACE))
+    piece = work.walk.done + where(par.window_pace > 0.0, float(PACE), by_time)
+    limit = where(piece < limit, piece, limit)
 
     def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
         new, _ = _visit(walk, window, samples, m, par)
