@@ -97,10 +97,10 @@ def valve(rng, is_short: bool) -> Parameters:
 
 
 def pot(rng, par: Parameters) -> Parameters:
-    """Numbers of a pot magnet whose weight is its spring, as far as the valve has them."""
+    """Numbers of a pot magnet as far as the valve has them: its weight is a spring that rests far away."""
     slope = 2.0 / (MU_0 * 7.6341e-5) * between(rng, 0.6, 1.6)
     upper = between(rng, 0.1e-3, 0.4e-3)
-    rest, mass = upper * between(rng, 20.0, 100.0), 0.34 * between(rng, 0.3, 1.5)
+    rest, mass = upper * between(rng, 1e3, 5e3), 0.34 * between(rng, 0.3, 1.5)
     return par._replace(
         stop_upper=upper,
         initial_position=upper,

@@ -24,6 +24,13 @@ def test_parameters_of_drawn_records_lie_within_their_errors(tmp_path):
 
 
 @pytest.mark.slow
+def test_errors_include_a_form_that_evidence_does_not_clearly_exclude(tmp_path):
+    _, found = judged(628, tmp_path)  # eddy currents stand for a resistance that is another one at the stop
+    assert found.is_explained and "does not clearly exclude" in found.text
+    assert len(found.off) >= 5 and max(map(abs, found.off.values())) < 3.0, found.off
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", REFUSED)
 def test_drawn_records_that_cannot_be_explained_are_refused_with_a_right_cause(seed, tmp_path):
     case, found = judged(seed, tmp_path)

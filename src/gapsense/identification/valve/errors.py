@@ -22,6 +22,7 @@ tell no stroke from another one, but something of the relaxed gap of a spring, s
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -515,7 +516,11 @@ def add_doubts(at: Ended, found: Uncertainty, doubts: Mapping[str, float], tied:
     effects = [
         largest([np.outer(x, x) for x in move_by_doubt(at, name, doubt, tied)]) for name, doubt in doubts.items()
     ]
-    return widen(found, at.form, sum(effects[1:], effects[0])) if effects else found
+    if not effects:
+        return found
+    added, names = sum(effects[1:], effects[0]), list(at.form.fitted)
+    T = reported(at.form, found.causes)[:, : len(names)]
+    return widen(found, T @ added @ T.T, {name: float(added[k, k]) for k, name in enumerate(names)})
 
 
 def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
@@ -566,20 +571,15 @@ def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vect
     return start + ratios, fit.cost(ratios, experiments)
 
 
-def widen(found: Uncertainty, form: Form, added: Matrix) -> Uncertainty:
-    """The uncertainty with a covariance of the fitted logarithms added."""
-    names = list(form.fitted)
-    T = reported(form, found.causes)[:, : len(names)]
+def widen(found: Uncertainty, added: Matrix, of_shape: Mapping[str, float] = MappingProxyType({})) -> Uncertainty:
+    """The uncertainty with a covariance added to that of what is told, and variances to those of a gap law."""
     std = np.array([*found.relative.tolist(), *found.causes.values()])
     sure = np.where(np.isfinite(std), std, 0.0)
-    cov = found.correlation * np.outer(sure, sure) + T @ added @ T.T
+    cov = found.correlation * np.outer(sure, sure) + added
     new = np.sqrt(np.diag(cov))
     scaled = np.where(new > 0.0, new, 1.0)
     correlation = np.where(np.isfinite(np.outer(std, std)), cov / np.outer(scaled, scaled), found.correlation)
-    shape = {
-        name: float(np.hypot(error, np.sqrt(added[names.index(name), names.index(name)])))
-        for name, error in found.shape.items()
-    }
+    shape = {name: float(np.hypot(error, np.sqrt(of_shape.get(name, 0.0)))) for name, error in found.shape.items()}
     return found._replace(
         relative=np.where(np.isfinite(std), new, np.inf)[: found.relative.size], correlation=correlation, shape=shape
     )

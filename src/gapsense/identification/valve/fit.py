@@ -22,12 +22,13 @@ from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.measurements.switching import Carrier
 from gapsense.identification.residual import Residual, residual
 from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_timing, correction, last_taken, settle
-from gapsense.identification.valve.errors import Ended, Uncertainty, add_doubts, doubts, uncertainty
+from gapsense.identification.valve.errors import Ended, Uncertainty, add_doubts, doubts, largest, uncertainty, widen
 from gapsense.identification.valve.form import (
     BOUNCE,
     EVERYTHING,
     FACTOR,
     GUESSED,
+    LOSSES,
     SHAPE,
     Device,
     Form,
@@ -144,6 +145,7 @@ class Identified(NamedTuple):
     slow: str = ""  # sentence on edges that take their time, if it was read so
     carriers: Sequence[Carrier] = ()  # PWM whose edges have no places
     held: Sequence[str] = ()  # parameters that turned out not to be identified, and were held
+    alike: Sequence[str] = ()  # other forms that explain the records about as well, which the errors include
     assumed: Mapping[str, float] = {}  # fields that were neither given nor found, and the doubt about their values
 
     @property
@@ -195,6 +197,7 @@ class Identified(NamedTuple):
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 MUCH = 0.7  # of the squares that are left: with less, places of edges explain much, whatever else is there
 AT_REST = 1e-5  # relative change of the resistances
+CLEAR = 10.0  # evidence that excludes the other form: "very strong" by Kass and Raftery (1995)
 MOST = 8  # times that charges are balanced
 
 
@@ -248,16 +251,62 @@ def fit_valve(
     fit = Fit(plain(known, sought), course_of(prepared, method, sought, progress))
     beginning = begin(fit, prepared, method, sought, drive)
     fit.course.begins("whole")
-    at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
+    at, others = (
+        _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, not beginning.starts),
+        list[Found](),
+    )
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
-        at = _with_edges(fit, at, _forms(known, at.form, sought), drive.fitted)
+        at, *others = _with_edges(fit, at, _forms(known, at.form, sought), drive.fitted)
+    others += _nearly_taken(fit, at, beginning.trials)
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
     if held:
         at = _minimise(fit, ratios, at.prepared, at.causes, is_searched=not beginning.starts)
         result = _conclude(fit, at, beginning, drive.accuracy).with_held(held, result)
-    return _with_assumed(result, at, sought)
+    return _with_assumed(_with_others(result, at, others), at, sought)
+
+
+def _nearly_taken(fit: Fit, at: Found, trials: Sequence[Trial]) -> list[Found]:
+    """The minima, for all operations, of forms that stood against the one that was taken last, unless it was clear."""
+    taken = [k for k, trial in enumerate(trials) if trial.is_taken]
+    if len(taken) < 2 or trials[taken[-1]].form.added != at.form.added:
+        return []
+    (before, last), ends = taken[-2:], list[Found]()
+    for trial in (trials[before]._replace(evidence=0.0), *trials[before + 1 : last]):
+        if trials[last].evidence - trial.evidence < CLEAR:
+            fit.form = trial.form
+            start = carry_over(at.form, at.ratios, trial.form)
+            ends.append(_minimise(fit, start, at.prepared, at.causes, is_searched=False))
+    fit.form = at.form
+    return ends
+
+
+def _with_others(result: Identified, at: Found, others: Sequence[Found]) -> Identified:
+    """The result with what other forms make of it that evidence does not clearly exclude, each as a standard error.
+
+    A misfit that no residual shows, of a voltage between two samples or of the gap, is evidence too.
+    """
+    alike = [other for other in others if _evidence(at, other) > -CLEAR]
+    if not alike:
+        return result
+
+    def logarithm(end: Found, name: str) -> float:
+        is_resistance = name == "coil_resistance"
+        return math.log(
+            pooled_resistance(end.experiments) if is_resistance else value_of(end.form.at(end.ratios), name)
+        )
+
+    def shift(end: Found, name: str) -> float:
+        if name in (*end.form.fitted, "coil_resistance"):
+            return logarithm(end, name) - logarithm(at, name)
+        return float(name in LOSSES)  # none: all of it
+
+    none = [0.0] * len(result.uncertainty.causes)
+    shifts = [np.array([*(shift(end, name) for name in result.names), *none]) for end in alike]
+    found = widen(result.uncertainty, largest([np.outer(x, x) for x in shifts]))
+    said = dict.fromkeys(", ".join(end.form.added) or "plain" for end in alike)
+    return result._replace(uncertainty=found, alike=[*said])
 
 
 def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
@@ -271,16 +320,18 @@ def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
     return result._replace(uncertainty=found, assumed={name: doubts[name] for name in assumed})
 
 
-def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str]) -> Found:
-    """The minimum with the place of every edge, if the evidence of all operations is for it; first ones tell few.
+def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str]) -> list[Found]:
+    """The minimum with the place of every edge, if the evidence of all operations is for it; then those not taken.
+
+    First operations tell few.
 
     Places look much like losses, so that these are judged anew beside them: `forms` are tried, the plainest first.
     """
     names, places = at.prepared.edges, at.prepared.places
     is_placed = {*names} <= {*at.causes}
     if not names or (not is_placed and correction(fit, at.ratios, at.experiments, names, places).is_doubtful):
-        return at
-    alike, best = at._replace(prepared=at.prepared.read_between(names)), None
+        return [at]
+    alike, best, every = at._replace(prepared=at.prepared.read_between(names)), None, [at]
     for form in forms:
         fit.form, ends = form, list[Found]()
         for start in (alike, best):  # where losses jump with an edge, a search does not cross a sample
@@ -288,17 +339,17 @@ def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str
                 ratios = carry_over(start.form, start.ratios, form)
                 ends.append(_minimise(fit, ratios, start.prepared, (*causes, *names), is_searched=False))
         found = min(ends, key=lambda end: rms(_left(end)))
+        every.append(found)
         if not best or _evidence(best, found) > ENOUGH:
             best = found
     fit.form = at.form
     if not best or best.prepared.is_alike:
-        return at
+        return [at]
     # Places look much like losses: where these were taken and nothing decides, the errors are to have both.
     enough = -ENOUGH if at.form.added else ENOUGH
     if _evidence(at, best) > enough or rms(_left(best)) ** 2 < MUCH * rms(_left(at)) ** 2:
-        fit.form = best.form
-        return best
-    return at
+        fit.form, at = best.form, best
+    return [at, *(end for end in every if end is not at)]
 
 
 def _evidence(before: Found, after: Found) -> float:

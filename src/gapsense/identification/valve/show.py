@@ -304,6 +304,12 @@ def remarks(result: Identified) -> list[str]:
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     said += explanations(result)
+    if result.alike:
+        listed = "; ".join(result.alike)
+        said.append(
+            f"Evidence does not clearly exclude other forms ({listed}). What they make of the values is in the standard"
+            " errors."
+        )
     noise = max(r.noise / float(np.abs(m.current).max()) for r, m in zip(result.residuals, result.models))
     unseen = {name for t in result.trials for name in t.form.added} & {"eddy", "hysteresis"} - {*result.form.added}
     if result.is_explained and unseen and noise > LOUD:
