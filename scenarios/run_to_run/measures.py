@@ -20,6 +20,7 @@ LAST = 10  # cycles at the end that are taken together
 LEARNT = 3  # cycle from which an operation that does not arrive counts
 WARNINGS = tuple(name.replace("_", " ") for name in Noted._fields)  # in the order of their bits
 LANDED = sum(2 ** WARNINGS.index(name) for name in ("hard", "changed"))  # warnings of how an operation has landed
+STANDING = 2 ** WARNINGS.index("noisy")  # is there for good, whatever an operation does: tells nothing of it
 HARD, SOFT = 0.5, 0.2  # impact speeds of operations that are to be told, and that are not [m/s]
 ORDINARY = 1.1  # ordinary impacts: what is harder is worse than without the controller
 SHOWN = (2, 5, 10, 20)  # cycles of the tables, and the last one
@@ -127,7 +128,7 @@ def noticed(outcome: Outcome) -> Noticed:
     """Of all operations since the laws had learnt."""
     speeds, states, said = (x.reshape(-1, x.shape[-1]) for x in (outcome.speeds, outcome.states, outcome.said))
     is_soft, was_warned = (states == TRACKING) | (states == SHORT), said.astype(int) & LANDED > 0
-    is_told = (said > 0.0) | ~is_soft
+    is_told = (said.astype(int) & ~STANDING > 0) | ~is_soft
     since, end = 2 * LEARNT, len(speeds) - 2
     now, next_one, same = slice(since, end), slice(since + 1, end + 1), slice(since + 2, end + 2)
     is_hard, is_gentle = is_soft[now] & (speeds[now] > HARD), is_soft[now] & (speeds[now] < SOFT)
