@@ -251,10 +251,8 @@ def fit_valve(
     fit = Fit(plain(known, sought), course_of(prepared, method, sought, progress))
     beginning = begin(fit, prepared, method, sought, drive)
     fit.course.begins("whole")
-    at, others = (
-        _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, not beginning.starts),
-        list[Found](),
-    )
+    at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
+    others: list[Found] = []
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
         at, *others = _with_edges(fit, at, _forms(known, at.form, sought), drive.fitted)
     others += _nearly_taken(fit, at, beginning.trials)

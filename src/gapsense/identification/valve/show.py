@@ -181,6 +181,7 @@ def validate(par: Device, record: Record) -> Validation:
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
 WHAT = {"series": "series, while on", "drop": "drop, while off", "delay": "delay of the current"}
+ALIKE = "Evidence does not clearly exclude other forms ({}). What they make of the values is in the standard errors."
 PWM = (
     "The voltage is switched every {:.3g} samples (PWM), too fast for places of its edges. So its mean is known to {}"
     " only, which is in the standard errors. Where that leaves more than noise, record means of intervals, or without"
@@ -304,12 +305,7 @@ def remarks(result: Identified) -> list[str]:
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
     said += explanations(result)
-    if result.alike:
-        listed = "; ".join(result.alike)
-        said.append(
-            f"Evidence does not clearly exclude other forms ({listed}). What they make of the values is in the standard"
-            " errors."
-        )
+    said += [ALIKE.format("; ".join(result.alike))] if result.alike else []
     noise = max(r.noise / float(np.abs(m.current).max()) for r, m in zip(result.residuals, result.models))
     unseen = {name for t in result.trials for name in t.form.added} & {"eddy", "hysteresis"} - {*result.form.added}
     if result.is_explained and unseen and noise > LOUD:
