@@ -150,7 +150,7 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """As in `ekf`; no operation has ended."""
-    filtered, outputs = ekf.initial(ekf.Inputs(*inputs[1:]), par.filter)
+    filtered, outputs = ekf.initial(_measured(inputs), par.filter)
     now = outputs.estimates
     rest = blank(
         Shown,
@@ -176,7 +176,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published if one is."""
     m, kept = normalised(par.filter), motions.room_for(par.motion_memory)
-    filtered, outputs = ekf.step(state.filter, ekf.Inputs(*inputs[1:]), par.filter)
+    filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
     contact = motions.Contact(
         time=inputs.time,
         mode=filtered.mode,
@@ -212,6 +212,10 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         told=told,
         samples=samples,
     ), Outputs(filter=outputs, smoothed_published=is_published, smoothed_time=time, smoothed=_shown(shown), last=last)
+
+
+def _measured(inputs: Inputs) -> ekf.Inputs:
+    return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode, inputs.resistance)
 
 
 def _landing(
