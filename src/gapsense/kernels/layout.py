@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from enum import EnumMeta, IntEnum
 from functools import cache, partial
-from itertools import islice, repeat
+from itertools import count, islice
 from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
@@ -133,47 +133,60 @@ def leaves(value: Any) -> Iterator[tuple[str, Field, Any]]:
         yield from leaves(item) if _is_record(at) else [(name, at, item)]
 
 
-@cache
-def _is_plain(cls: Any) -> bool:
-    """Whether each field of a record is one entry."""
-    return not any(_is_record(at) or at.kind in ("vector", "covariance") for at in _layout(cls).values())
-
-
 def flat(value: Any) -> list[Any]:
     """Flat entries of a record."""
     cls: Any = type(value)
-    if _is_plain(cls):
-        return [*value]
-    entries: list[Any] = []
-    for field, item in zip(_layout(cls).values(), value):
-        if _is_record(field):
-            entries += flat(item)
-        elif field.kind == "vector":
-            entries += list(item)
-        elif field.kind == "covariance":
-            entries += [item[i, j] for i, j in triangle(field.size)]
+    return _flattener(cls)(value)  # type: ignore[no-any-return]
+
+
+@cache
+def _flattener(cls: Any) -> Any:
+    """A function for one class: to walk through its layout each time takes ten times as long."""
+    return eval(f"lambda value: [{', '.join(_entries_of(cls, 'value'))}]")
+
+
+def _entries_of(cls: Any, value: str) -> Iterator[str]:
+    for k, at in enumerate(_layout(cls).values()):
+        item = f"{value}[{k}]"
+        if _is_record(at):
+            yield from _entries_of(at, item)
+        elif at.kind == "covariance":
+            yield from (f"{item}[{i}, {j}]" for i, j in triangle(at.size))
         else:
-            entries.append(item)
-    return entries
+            yield f"*{item}" if at.kind == "vector" else item
 
 
 def record(cls: Any, entries: Iterable[Any]) -> Any:
     """Record of class `cls` from its flat entries."""
-    rest = iter(entries)
-    if _is_plain(cls):
-        return cls(*islice(rest, len(cls._fields)))
-    return cls(*(record(at, rest) if _is_record(at) else _take(at, rest) for at in _layout(cls).values()))
+    make, size = _maker(cls)
+    return make([*islice(entries, size)])
 
 
-def _take(field: Field, rest: Iterator[Any]) -> Any:
-    if field.kind == "vector":
-        return np.array([next(rest) for _ in range(field.size)], dtype=object)
-    if field.kind == "covariance":
-        P = np.empty((field.size, field.size), dtype=object)
-        for i, j in triangle(field.size):
-            P[i, j] = P[j, i] = next(rest)
-        return P
-    return next(rest)
+@cache
+def _maker(cls: Any) -> tuple[Any, int]:
+    """A function for one class, and the number of entries that it takes."""
+    classes: dict[str, Any] = {"array": partial(np.array, dtype=object)}
+    places = count()
+    text = _call_of(cls, places, classes)
+    return eval(f"lambda e: {text}", classes), next(places)
+
+
+def _call_of(cls: Any, places: Iterator[int], classes: dict[str, Any]) -> str:
+    """Text that makes a record of the entries `e` from the next place on."""
+    name, items = f"class_{len(classes)}", []
+    classes[name] = cls
+    for at in _layout(cls).values():
+        if _is_record(at):
+            items.append(_call_of(at, places, classes))
+        elif at.kind == "vector":
+            items.append(f"array([{', '.join(f'e[{next(places)}]' for _ in range(at.size))}])")
+        elif at.kind == "covariance":
+            at_place = {pair: f"e[{next(places)}]" for pair in triangle(at.size)}
+            rows = (", ".join(at_place[min(i, j), max(i, j)] for j in range(at.size)) for i in range(at.size))
+            items.append(f"array([[{'], ['.join(rows)}]])")
+        else:
+            items.append(f"e[{next(places)}]")
+    return f"{name}({', '.join(items)})"
 
 
 def zeros(size: int) -> list[float]:
@@ -189,7 +202,9 @@ def blank(cls: Callable[..., T], **given: Any) -> T:
 def _zero(at: Any) -> Any:
     if _is_record(at):
         return blank(at)
-    return zeros(at.size) if at.kind == "memory" else _take(at, repeat(0.0))
+    if at.kind in ("vector", "covariance"):
+        return np.full((at.size,) * (1 + (at.kind == "covariance")), 0.0, dtype=object)
+    return zeros(at.size) if at.kind == "memory" else 0.0
 
 
 def flatten(value: Any) -> list[Any]:
