@@ -79,15 +79,7 @@ def test_time_grows_with_the_length_of_a_record_not_with_its_square():
 
 @pytest.mark.parametrize(
     "how",
-    [
-        {},
-        {"noise": (0.0, 0.0)},
-        {"bits": 8},
-        {"period": 5e-6},
-        {"period": 20e-6},
-        {"filter": 100e-6},
-        {"offset": 5e-3},
-    ],
+    [{}, {"noise": (0.0, 0.0)}, {"bits": 8}, {"period": 5e-6}, {"period": 20e-6}, {"filter": 100e-6}, {"offset": 5e-3}],
 )
 def test_landing_and_release_of_a_mover_are_kinks(how):
     found, _, items = bench(instruments=how)

@@ -47,8 +47,7 @@ def alone(name: str, inputs: list[Any], par: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in LARGE)) for name in kernel_modules()],
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LARGE)) for name in kernel_modules()]
 )
 def test_every_run_has_the_bits_that_it_has_alone(name, compiler):
     """Also where inputs are zero, tiny or huge."""

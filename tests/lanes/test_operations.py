@@ -17,18 +17,7 @@ from gapsense.kernels.elementary import exp, log, tanh
 from gapsense.kernels.kernel import trace
 from gapsense.kernels.lanes import Array, Code, plan
 from gapsense.kernels.lanes.library import HERE, address, compiled, source, tuned, with_types
-from gapsense.kernels.trace import (  # fmt: skip
-    cond,
-    fabs,
-    floor,
-    load,
-    locate,
-    loop,
-    not_,
-    sqrt,
-    store,
-    where,
-)
+from gapsense.kernels.trace import cond, fabs, floor, load, locate, loop, not_, sqrt, store, where  # fmt: skip
 
 ODD = (0.0, -0.0, 1.0, -1.0, 2.5, -7.3, 1e-300, 1e300, float("inf"), float("-inf"), float("nan"))
 

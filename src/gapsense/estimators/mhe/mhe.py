@@ -396,10 +396,7 @@ def _follow(
 ) -> tuple[Array, Array]:
     """The next `Point`, by the model (1) to (3) or with the current fed back (10), and the covariance of the latter."""
     reading = Reading(
-        voltage=now.voltage,
-        current=now.current,
-        counts=now.has_current & not_(now.is_edge),
-        variance=1.0 / weight(par),
+        voltage=now.voltage, current=now.current, counts=now.has_current & not_(now.is_edge), variance=1.0 / weight(par)
     )
 
     def open_loop() -> tuple[Array, Array]:
