@@ -181,6 +181,11 @@ def test_resistance_of_a_record_that_does_not_begin_at_rest_is_not_sure():
     assert items["resistance"] == "with care" and "before the voltage" not in said
 
 
+def test_milliseconds_that_are_taken_for_seconds_are_refused_by_all_commands():
+    _, items = said_of(changed(time=lambda x: 1e3 * x["time"]))
+    assert {items[f"`{name}`"] for name in ("identify", "commission", "estimate")} == {"no"}
+
+
 def test_levels_of_a_command_are_no_steps_of_a_converter():
     said, _ = said_of(changed(voltage=lambda x: np.where(x["voltage"] > 15.0, 30.0, 0.0)))
     assert "a command" in said and "steps of its converter" not in said
