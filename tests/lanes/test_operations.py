@@ -134,12 +134,8 @@ def test_memory_changes_in_the_runs_that_take_a_branch_or_round_and_tables_are_s
     assert made.library
     table, memory = [-1.0, 0.0, 0.5, 4.0], np.random.default_rng(2).normal(0.0, 1.5, (5, 19))
     expected = [step(State([*map(float, run)]), Parameters(table)).memory for run in memory.T]
-    by_numpy = memory.copy()
     made.run(19, memory=memory, table=table)
     np.testing.assert_array_equal(bits(memory.T), bits(expected))
-    made.__dict__["library"] = None
-    made.run(19, memory=by_numpy, table=table)
-    np.testing.assert_array_equal(bits(by_numpy.T), bits(expected))
 
 
 def test_source_has_no_number_of_the_model():

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.gap import gap
 from gapsense.estimators.kalman import Gaussian, condition, predict
 from gapsense.estimators.mhe.model import (
     Bouncing,
@@ -25,6 +24,7 @@ from gapsense.estimators.mhe.model import (
     device,
     electric,
     gain,
+    gap,
     is_between,
     is_resting,
     mean_of,
