@@ -155,11 +155,7 @@ def _resident() -> int:
 
 
 def reference(
-    path: str,
-    step: float,
-    rows: int,
-    inputs: list[list[float]] | None = None,
-    parameters: dict[str, Any] | None = None,
+    path: str, step: float, rows: int, inputs: list[list[float]] | None = None, parameters: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """A short run: names, inputs (the stimulus, unless given; the first hold in the first step too) and outputs."""
     fmu = Fmu(path)
