@@ -8,10 +8,10 @@ the upper triangle.  The fields of a record within a record keep their names, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import EnumMeta, IntEnum
 from functools import cache, partial
-from itertools import count, islice
+from itertools import islice
 from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
@@ -133,60 +133,76 @@ def leaves(value: Any) -> Iterator[tuple[str, Field, Any]]:
         yield from leaves(item) if _is_record(at) else [(name, at, item)]
 
 
+@cache
+def _is_plain(cls: Any) -> bool:
+    """Whether each field of a record is one entry."""
+    return not any(_is_record(at) or at.kind in ("vector", "covariance") for at in _layout(cls).values())
+
+
 def flat(value: Any) -> list[Any]:
     """Flat entries of a record."""
     cls: Any = type(value)
-    return _flattener(cls)(value)  # type: ignore[no-any-return]
+    if _is_plain(cls):
+        return [*value]
+    entries: list[Any] = []
+    for flattened, item in zip(_flatteners(cls), value):
+        entries += flattened(item)
+    return entries
 
 
 @cache
-def _flattener(cls: Any) -> Any:
-    """A function for one class: to walk through its layout each time takes ten times as long."""
-    return eval(f"lambda value: [{', '.join(_entries_of(cls, 'value'))}]")
+def _flatteners(cls: Any) -> list[Callable[[Any], Sequence[Any]]]:
+    """Of every field what makes entries of it."""
+    return [flat if _is_record(at) else _flattener(at) for at in _layout(cls).values()]
 
 
-def _entries_of(cls: Any, value: str) -> Iterator[str]:
-    for k, at in enumerate(_layout(cls).values()):
-        item = f"{value}[{k}]"
-        if _is_record(at):
-            yield from _entries_of(at, item)
-        elif at.kind == "covariance":
-            yield from (f"{item}[{i}, {j}]" for i, j in triangle(at.size))
-        else:
-            yield f"*{item}" if at.kind == "vector" else item
+def _flattener(at: Field) -> Callable[[Any], Sequence[Any]]:
+    if at.kind == "covariance":
+        return partial(_upper, np.triu_indices(at.size))
+    return list if at.kind == "vector" else _alone
+
+
+def _upper(places: Any, P: Any) -> Sequence[Any]:
+    return P[places].tolist()  # type: ignore[no-any-return]
+
+
+def _alone(item: Any) -> Sequence[Any]:
+    return (item,)
 
 
 def record(cls: Any, entries: Iterable[Any]) -> Any:
     """Record of class `cls` from its flat entries."""
-    make, size = _maker(cls)
-    return make([*islice(entries, size)])
+    rest = iter(entries)
+    if _is_plain(cls):
+        return cls(*islice(rest, len(cls._fields)))
+    return cls(*(taken(rest) for taken in _takers(cls)))
 
 
 @cache
-def _maker(cls: Any) -> tuple[Any, int]:
-    """A function for one class, and the number of entries that it takes."""
-    classes: dict[str, Any] = {"array": partial(np.array, dtype=object)}
-    places = count()
-    text = _call_of(cls, places, classes)
-    return eval(f"lambda e: {text}", classes), next(places)
+def _takers(cls: Any) -> list[Callable[[Iterator[Any]], Any]]:
+    """Of every field what takes its entries from those that are left."""
+    return [partial(record, at) if _is_record(at) else _taker(at) for at in _layout(cls).values()]
 
 
-def _call_of(cls: Any, places: Iterator[int], classes: dict[str, Any]) -> str:
-    """Text that makes a record of the entries `e` from the next place on."""
-    name, items = f"class_{len(classes)}", []
-    classes[name] = cls
-    for at in _layout(cls).values():
-        if _is_record(at):
-            items.append(_call_of(at, places, classes))
-        elif at.kind == "vector":
-            items.append(f"array([{', '.join(f'e[{next(places)}]' for _ in range(at.size))}])")
-        elif at.kind == "covariance":
-            at_place = {pair: f"e[{next(places)}]" for pair in triangle(at.size)}
-            rows = (", ".join(at_place[min(i, j), max(i, j)] for j in range(at.size)) for i in range(at.size))
-            items.append(f"array([[{'], ['.join(rows)}]])")
-        else:
-            items.append(f"e[{next(places)}]")
-    return f"{name}({', '.join(items)})"
+def _taker(at: Field) -> Callable[[Iterator[Any]], Any]:
+    if at.kind == "covariance":
+        return partial(_symmetric, _square(at.size))
+    return partial(_vector, at.size) if at.kind == "vector" else next
+
+
+def _vector(size: int, rest: Iterator[Any]) -> Any:
+    return np.array([*islice(rest, size)], dtype=object)
+
+
+def _square(size: int) -> Any:
+    """Of every place of a covariance that in its upper triangle (size, size)."""
+    places = np.zeros((size, size), int)
+    places[np.triu_indices(size)] = range(len(triangle(size)))
+    return np.triu(places) + np.triu(places, 1).T
+
+
+def _symmetric(places: Any, rest: Iterator[Any]) -> Any:
+    return _vector(int(places.max()) + 1, rest)[places]
 
 
 def zeros(size: int) -> list[float]:
