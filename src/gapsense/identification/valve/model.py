@@ -300,7 +300,7 @@ def simulate_currents(pars: Sequence[Device], experiment: Experiment) -> list[Ve
 
 
 def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Response]:
-    """What is fitted of each model; one after the other in scalar Python, where numpy would be slower."""
+    """What is fitted of each model; one after the other in scalar Python where no compiler is."""
     if (found := experiment.filtered) is not None:
         halves, R = _single(experiment.halves), experiment.resistance.repeat(2)
         fine = experiment._replace(dt=0.5 * experiment.dt, halves=halves, resistance=R, filtered=None)
