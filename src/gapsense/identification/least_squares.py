@@ -65,8 +65,8 @@ def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix) -> Matrix:
 def differences(values: Callable[[list[Vector]], Matrix], x: Vector, high: Vector | float = np.inf) -> Matrix:
     """Derivatives of values (points, n) at a point by difference quotients, within the highest point; (n, x.size)."""
     steps = np.where(x + STEP > high, -STEP, STEP)
-    at, *others = values([x, *(x + np.diag(steps))])
-    return np.array([(other - at) / step for other, step in zip(others, steps)]).T
+    found = values([x, *(x + np.diag(steps))])
+    return np.asarray(((found[1:] - found[0]) / steps[:, None]).T)
 
 
 def finite(x: Vector) -> Vector:

@@ -31,8 +31,16 @@ class Column(ctypes.Structure):
 
 
 def columns_in_c(arrays: Sequence[Floats]) -> ctypes.Array[Column]:
-    """Arrays as C takes them; `ctypes.data` would take twice as long."""
-    return (Column * len(arrays))(*(Column(a.__array_interface__["data"][0], *a.strides, len(a)) for a in arrays))
+    """Arrays (numbers, runs) as C takes them; all runs share those of the shape (numbers,) or (numbers, 1).
+
+    `ctypes.data` would take twice as long, and to broadcast what is shared ten times.
+    """
+    kind = Column * len(arrays)
+    return kind(*(Column(a.__array_interface__["data"][0], *_strides(a), len(a)) for a in arrays))
+
+
+def _strides(array: Floats) -> tuple[int, int]:
+    return array.strides[0], array.strides[1] if array.ndim > 1 and array.shape[1] > 1 else 0
 
 
 class Array(Enum):
@@ -68,6 +76,10 @@ class Plan:
         return kind(*own, *(self._addresses or ())), kind(*[None] * OWN, *constants)
 
     @cached_property
+    def _tables(self) -> dict[str, Floats]:
+        return {name: np.array(table, float) for name, table in self.record.tables.items()}
+
+    @cached_property
     def _words(self) -> npt.NDArray[np.int32]:
         return np.array(self.program.words(), np.int32)
 
@@ -80,18 +92,19 @@ class Plan:
         if self.library:
             self._in_c(self.library, runs, arrays)
         else:
+            every = [_of_all_runs(array, runs) for array in arrays[:-1]]
             for run in range(runs):
-                self._in_python([array[:, run].tolist() for array in arrays[:-1]], arrays[-1][:, run])
+                self._in_python([array[:, run].tolist() for array in every], arrays[-1][:, run])
         return arrays[-1]
 
     def _columns(self, runs: int, given: Mapping[str, Any]) -> list[Floats]:
         if given.keys() != self.given.keys():
             raise ValueError(f"columns {', '.join(given)} found, {', '.join(self.given)} expected. Correct them.")
         made = {name: _checked(name, self.given[name], value, runs) for name, value in given.items()}
-        made |= {NUMBERS: self.numbers, **self.record.tables}
+        made |= {NUMBERS: self.numbers, **self._tables}
         made |= {name: np.zeros((size, runs)) for name, size in self.record.memories.items()}
         made[KEPT] = np.full((len(self.kept), runs), np.nan)
-        return [_of_all_runs(np.asarray(made[name], float), runs) for name in self.program.columns]
+        return [made[name] for name in self.program.columns]
 
     def _in_c(self, library: ctypes.CDLL, runs: int, arrays: list[Floats]) -> None:
         words, (functions, numbers) = self._words, self._called
@@ -138,7 +151,8 @@ def _values(record: Record, name: str, size: int | Array) -> Any:
 
 def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
     """A column of the right shape."""
-    array = np.atleast_1d(np.asarray(value, float))
+    is_ready = isinstance(value, np.ndarray) and value.dtype == np.float64 and value.ndim
+    array: Any = value if is_ready else np.atleast_1d(np.asarray(value, float))
     n = len(array) if isinstance(size, Array) else size
     shapes = [(n,), (n, 1), (n, runs)]
     if array.shape not in shapes:
