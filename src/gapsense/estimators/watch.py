@@ -306,7 +306,7 @@ def _bent(curve: Curve) -> Bent:
     beside = curve.square_error - tilt * curve.supply_error
     bend = beside / rest
     variance = larger(curve.error_var - slope * curve.supply_error - bend * beside, 0.0)
-    return Bent(slope, bend, tilt, spread, rest, variance)
+    return Bent(slope=slope, bend=bend, tilt=tilt, spread=spread, rest=rest, variance=variance)
 
 
 def _far(curves: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading) -> tuple[Scalar, Scalar]:
