@@ -187,6 +187,7 @@ class Running(NamedTuple):
     wanted: Scalar  # flux linkage that the profile wants now, or 0 [Wb]
     limited: Scalar  # samples of the motion at a limit of the voltage
     since_limit: Scalar  # samples since the last one
+    piece: Annotated[Scalar, Count]  # samples of half of the time in which a slope of the current is taken
     due: Annotated[Scalar, Count]  # sample at which the mover is to have arrived
     is_judged: Scalar  # 1: the estimator has told what became of it
     last_age: Scalar  # samples of the operation before

@@ -14,8 +14,9 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, told_at, watched
+from gapsense.control.bend import due, piece, told_at, watched
 from gapsense.control.coil import (
+    AVERAGED,
     WARM,
     closed,
     drawn,
@@ -78,7 +79,6 @@ OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
 PART = 0.5  # of the noise that is warned of: from then on an estimator steadies the flux linkage
-AVERAGED = 0.0075  # of the usual current: from such a noise on its means are used with a contact
 AGAIN = 2.0  # averaged operations, after an ordinary one
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
@@ -251,6 +251,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             balance_flux=balance_flux,
             averaged=where(is_averaged, _averaged(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
+            piece=piece(state.coil, par),
             due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
@@ -306,7 +307,7 @@ FASTEST = 1e3  # impact speed that can be [m/s]
 IDLE, LEARNING, TRACKING, SHORT, BACK, OPEN = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0  # states
 
 
-def _first(par: Parameters) -> Running:
+def _first(coil: Coil, par: Parameters) -> Running:
     """The open actuator before the first command."""
     return blank(
         Running,
@@ -315,6 +316,7 @@ def _first(par: Parameters) -> Running:
         speed=par.approach_first,
         travel=par.opening_travel,
         learnt=vector([*believed(par), 0.0, 0.0, 0.0, 0.0]),
+        piece=piece(coil, par),
         is_judged=1.0,
         last_is_judged=1.0,
     )
@@ -322,10 +324,11 @@ def _first(par: Parameters) -> Running:
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Open, without flux; nothing happens before the first command."""
+    coil = first_coil(inputs, par)
     state = blank(
         State,
-        coil=first_coil(inputs, par),
-        running=_first(par),
+        coil=coil,
+        running=_first(coil, par),
         heard=blank(Heard, last_mode=inputs.mode),
         course=blank(Pass, last=-1.0),
         by_model=where(par.law == LawKind.model, 1.0, 0.0),
