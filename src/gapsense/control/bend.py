@@ -22,7 +22,7 @@ from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken, or more with noise [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
 VAGUE = 4.0  # standard deviations of a speed that noise may explain
-OFTEN, MOST = 0.12, 4.4  # with longer pieces: speed without a hit [m/s], and standard deviations that noise may explain
+OFTEN, MOST = 0.12, 5.4  # with longer pieces: speed without a hit [m/s], and standard deviations that noise may explain
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.97)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
