@@ -96,7 +96,8 @@ def _softest_hit(state: State, noise: Scalar) -> Scalar:
 def landed(state: State, par: Parameters) -> Scalar:
     """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
     speed, noise = _impact(state, state.heard.landing, par)
-    return speed - where(noise > USUAL, VAGUE * (noise - USUAL), 0.0)
+    usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
+    return speed - where(noise > usual, VAGUE * (noise - usual), 0.0)
 
 
 def _impact(state: State, at: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
