@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gapsense.control import laws
-from gapsense.control.coil import AVERAGED, open_flux, usual_current, wandering
+from gapsense.control.coil import AVERAGED, needs_means, open_flux, usual_current, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Coil, Heard, Parameters, Running, State
@@ -71,7 +71,7 @@ def watched(state: State, par: Parameters) -> Heard:
 
     def looked() -> tuple[Scalar, Scalar]:
         speed, noise = _impact(state, at, par)
-        is_harder = (speed > heard.hardest) & (speed > _softest_hit(state, noise))
+        is_harder = (speed > heard.hardest) & (speed > _softest_hit(state, noise, par))
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
     def near() -> tuple[Scalar, Scalar]:
@@ -86,17 +86,17 @@ def watched(state: State, par: Parameters) -> Heard:
     return heard._replace(hardest=hardest, hit=hit)
 
 
-def _softest_hit(state: State, noise: Scalar) -> Scalar:
+def _softest_hit(state: State, noise: Scalar, par: Parameters) -> Scalar:
     """Speed beyond which a stop that no contact tells is hit; longer pieces have less of an error than short ones."""
     bound = choose_bounds(state).hit
     explained = OFTEN + MOST * noise
-    return where(state.running.averaged > 0.0, where(explained > bound, explained, bound), bound + VAGUE * noise)
+    return where(needs_means(state.coil, par), where(explained > bound, explained, bound), bound + VAGUE * noise)
 
 
 def landed(state: State, par: Parameters) -> Scalar:
     """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
     speed, noise = _impact(state, state.heard.landing, par)
-    usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
+    usual = where(needs_means(state.coil, par), 0.0, USUAL)
     return speed - where(noise > usual, VAGUE * (noise - usual), 0.0)
 
 

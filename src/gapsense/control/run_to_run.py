@@ -16,7 +16,6 @@ import math
 from gapsense.control import correction, laws, learning
 from gapsense.control.bend import due, piece, told_at, watched
 from gapsense.control.coil import (
-    AVERAGED,
     WARM,
     closed,
     drawn,
@@ -24,6 +23,7 @@ from gapsense.control.coil import (
     held_resistance,
     integrated,
     is_scarce,
+    needs_means,
     reluctance_at,
     steadied,
     told,
@@ -233,8 +233,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     is_plain = is_plain | is_there | (state.alarm > 0.0)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     balance_flux = sqrt(balance(z0, m))
-    is_noisy = state.coil.noise > AVERAGED * usual_current(par)
-    is_noisy = where(is_closing, is_noisy, state.running.averaged > 0.0)  # an opening goes with its closing
+    is_noisy = where(is_closing, needs_means(state.coil, par), state.running.averaged > 0.0)  # an opening goes with its closing
     is_averaged = by_contact & is_noisy & (inputs.windows < 1.0)  # an estimator steadies better
     is_unexplained = starts_again & (state.alarm < 1.0)
     return state._replace(
