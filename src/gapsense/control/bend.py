@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gapsense.control import laws
-from gapsense.control.coil import AVERAGED, needs_means, open_flux, usual_current, wandering
+from gapsense.control.coil import AVERAGED, open_flux, usual_current, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
-from gapsense.control.records import LONGEST, Coil, Heard, Parameters, Running, State
+from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import place, planned
 from gapsense.estimators.gap import gap
 from gapsense.kernels.layout import Scalar
@@ -22,7 +22,7 @@ from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken, or more with noise [s]
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
 VAGUE = 4.0  # standard deviations of a speed that noise may explain
-OFTEN, MOST = 0.12, 5.4  # with longer pieces: speed without a hit [m/s], and standard deviations that noise may explain
+OFTEN, MOST = 0.12, 5.4  # speed, and standard deviations, of bends without a hit where pieces are longer [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.97)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
@@ -71,7 +71,7 @@ def watched(state: State, par: Parameters) -> Heard:
 
     def looked() -> tuple[Scalar, Scalar]:
         speed, noise = _impact(state, at, par)
-        is_harder = (speed > heard.hardest) & (speed > _softest_hit(state, noise, par))
+        is_harder = (speed > heard.hardest) & (speed > _softest_hit(state, noise))
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
     def near() -> tuple[Scalar, Scalar]:
@@ -86,17 +86,18 @@ def watched(state: State, par: Parameters) -> Heard:
     return heard._replace(hardest=hardest, hit=hit)
 
 
-def _softest_hit(state: State, noise: Scalar, par: Parameters) -> Scalar:
-    """Speed beyond which a stop that no contact tells is hit; longer pieces have less of an error than short ones."""
+def _softest_hit(state: State, noise: Scalar) -> Scalar:
+    """Speed beyond which a stop that no contact tells is hit."""
     bound = choose_bounds(state).hit
     explained = OFTEN + MOST * noise
-    return where(needs_means(state.coil, par), where(explained > bound, explained, bound), bound + VAGUE * noise)
+    longer = where(explained > bound, explained, bound)
+    return where(state.running.averaged > 0.0, longer, bound + VAGUE * noise)
 
 
 def landed(state: State, par: Parameters) -> Scalar:
     """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
     speed, noise = _impact(state, state.heard.landing, par)
-    usual = where(needs_means(state.coil, par), 0.0, USUAL)
+    usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
     return speed - where(noise > usual, VAGUE * (noise - usual), 0.0)
 
 
@@ -208,9 +209,9 @@ def due(plan: Operation, par: Parameters) -> Scalar:
     return floor((plan.lead + arrival(plan) + SEATED) / par.sample_time)
 
 
-def piece(coil: Coil, par: Parameters) -> Scalar:
-    """Samples of a piece: more with a noisy current."""
-    louder = coil.noise / (AVERAGED * usual_current(par))
+def piece(noise: Scalar, par: Parameters) -> Scalar:
+    """Samples of a piece: more where the noise of a current is so large that it is averaged."""
+    louder = noise / (AVERAGED * usual_current(par))
     half = floor(PIECE * sqrt(where(louder > 1.0, louder, 1.0)) / par.sample_time + 0.5)
     return where(half > 1.0, half, 1.0)
 

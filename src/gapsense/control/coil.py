@@ -129,11 +129,6 @@ def usual_current(par: Parameters) -> Scalar:
     return par.voltage_hold / par.coil_resistance
 
 
-def needs_means(coil: Coil, par: Parameters) -> Scalar:
-    """Whether means of the current are used with a contact, and longer pieces."""
-    return coil.noise > AVERAGED * usual_current(par)
-
-
 def driving(coil: Coil, par: Parameters) -> Scalar:
     """Voltage of an ordinary closing: enough to hold, or more if its current needs more."""
     needed = coil.resistance * coil.needed

@@ -16,6 +16,7 @@ import math
 from gapsense.control import correction, laws, learning
 from gapsense.control.bend import due, piece, told_at, watched
 from gapsense.control.coil import (
+    AVERAGED,
     WARM,
     closed,
     drawn,
@@ -23,7 +24,6 @@ from gapsense.control.coil import (
     held_resistance,
     integrated,
     is_scarce,
-    needs_means,
     reluctance_at,
     steadied,
     told,
@@ -233,7 +233,8 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     is_plain = is_plain | is_there | (state.alarm > 0.0)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     balance_flux = sqrt(balance(z0, m))
-    is_noisy = where(is_closing, needs_means(state.coil, par), state.running.averaged > 0.0)  # an opening goes with its closing
+    is_noisy = state.coil.noise > AVERAGED * usual_current(par)
+    is_noisy = where(is_closing, is_noisy, state.running.averaged > 0.0)  # an opening goes with its closing
     is_averaged = by_contact & is_noisy & (inputs.windows < 1.0)  # an estimator steadies better
     is_unexplained = starts_again & (state.alarm < 1.0)
     return state._replace(
@@ -250,7 +251,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             balance_flux=balance_flux,
             averaged=where(is_averaged, _averaged(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
-            piece=piece(state.coil, par),
+            piece=piece(where(is_averaged, state.coil.noise, 0.0), par),
             due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
@@ -306,7 +307,7 @@ FASTEST = 1e3  # impact speed that can be [m/s]
 IDLE, LEARNING, TRACKING, SHORT, BACK, OPEN = 0.0, 1.0, 2.0, 3.0, 4.0, 5.0  # states
 
 
-def _first(coil: Coil, par: Parameters) -> Running:
+def _first(par: Parameters) -> Running:
     """The open actuator before the first command."""
     return blank(
         Running,
@@ -315,7 +316,7 @@ def _first(coil: Coil, par: Parameters) -> Running:
         speed=par.approach_first,
         travel=par.opening_travel,
         learnt=vector([*believed(par), 0.0, 0.0, 0.0, 0.0]),
-        piece=piece(coil, par),
+        piece=piece(0.0, par),
         is_judged=1.0,
         last_is_judged=1.0,
     )
@@ -323,11 +324,10 @@ def _first(coil: Coil, par: Parameters) -> Running:
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Open, without flux; nothing happens before the first command."""
-    coil = first_coil(inputs, par)
     state = blank(
         State,
-        coil=coil,
-        running=_first(coil, par),
+        coil=first_coil(inputs, par),
+        running=_first(par),
         heard=blank(Heard, last_mode=inputs.mode),
         course=blank(Pass, last=-1.0),
         by_model=where(par.law == LawKind.model, 1.0, 0.0),
