@@ -92,8 +92,8 @@ def noisy(state):
 
 
 def test_pieces_are_longer_with_noise_so_that_a_stop_that_is_left_at_once_is_told():
-    """Beyond 0.56 m/s; with pieces of 0.2 ms the noise explained all up to 2 m/s."""
-    state = noisy(hit(CLOSING, 0.7, 220.0))
+    """Before, noise explained all up to 2 m/s."""
+    state = noisy(hit(CLOSING, 1.2, 220.0))
     assert 2.0 * bend.PIECE < state.running.piece * PAR.sample_time < 3.0 * bend.PIECE
     assert bend.speed_at(state, CLOSING, 220.0, PAR)[1] < 0.1
     told, soft = watched(state, 350.0), watched(noisy(hit(CLOSING, 0.3, 220.0)), 350.0)
@@ -113,7 +113,8 @@ def test_time_of_a_contact_tells_hard_landings_that_are_early_or_much_too_late(h
 
     assert timed(-2e-3) > 0.4 and timed(2.4e-3) == pytest.approx(0.5)
     assert all(timed(late) < 0.2 for late in (-1e-3, 0.0, 2.2e-3)) and timed(-due * PAR.sample_time) == 0.0
-    late = watched(state, due + 2.4e-3 / PAR.sample_time)
+    heard = state.heard._replace(landing=due + 2.4e-3 / PAR.sample_time)
+    late = judged_by_current(state._replace(heard=heard), PAR)
     assert late.noted.hard == late.noted.changed == 1.0
 
 

@@ -13,13 +13,14 @@ from gapsense.control import laws
 from gapsense.control.coil import AVERAGED, open_flux, usual_current, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
-from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
+from gapsense.control.records import LONGEST, PIECES, Heard, Parameters, Running, State
 from gapsense.control.tracking import place, planned
 from gapsense.estimators.mhe.model import gap
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where, where_each
 
-PIECE = 200e-6  # half of the time before, and after, in which slopes are taken, or more with noise [s]
+PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
+LONGER = ((1.0, 1.2), (2.0, 1.5), (3.0, 1.8), (4.0, 2.3))  # over the noise that is averaged at least: times that
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
 VAGUE = 4.0  # standard deviations of a speed that noise may explain
 OFTEN, MOST = 0.12, 5.4  # speed, and standard deviations, of bends without a hit where pieces are longer [m/s]
@@ -211,9 +212,11 @@ def due(plan: Operation, par: Parameters) -> Scalar:
 
 def piece(noise: Scalar, par: Parameters) -> Scalar:
     """Samples of a piece: more where the noise of a current is so large that it is averaged."""
-    louder = noise / (AVERAGED * usual_current(par))
-    half = floor(PIECE * sqrt(where(louder > 1.0, louder, 1.0)) / par.sample_time + 0.5)
-    return where(half > 1.0, half, 1.0)
+    half = floor(PIECE / par.sample_time + 0.5)
+    for least, times in LONGER:
+        is_so = noise > least * AVERAGED * usual_current(par)
+        half = where(is_so, floor(times * PIECE / par.sample_time + 0.5), half)
+    return clip(half, 1.0, float(PIECES))
 
 
 def speed_at(state: State, half: Scalar, landing: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
