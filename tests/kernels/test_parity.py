@@ -129,9 +129,10 @@ def test_a_record_in_one_call_equals_its_steps(name: str, tmp_path: Path) -> Non
         assert same(CKernel(k, tmp_path).run(np.array(inputs), par), expected)
 
 
-def test_single_precision_c_stays_finite(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("sequences", [FEW[0], pytest.param(MANY[0], marks=pytest.mark.slow)])
+def test_single_precision_c_stays_finite(name: str, sequences: int, tmp_path: Path) -> None:
     c = CKernel(kernel(name), tmp_path, single=True)
-    for seed in range(MANY[0]):
+    for seed in range(sequences):
         rng = random.Random(200 + seed)
         par = parameters(name, rng)
         inputs = list(input_sequence(name, rng, 201, degenerate=False))
