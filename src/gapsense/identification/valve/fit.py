@@ -211,7 +211,6 @@ class Identified(NamedTuple):
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 MUCH = 0.7  # of the squares that are left: with less, places of edges explain much, whatever else is there
 AT_REST = 1e-5  # relative change of the resistances
-BESIDE = ("eddy", "filter")  # forms that places of edges look much like
 MOST = 8  # times that charges are balanced
 
 
@@ -269,7 +268,7 @@ def fit_valve(
     at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
     others: list[Found] = []
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
-        at, *others = _with_edges(fit, at, _forms(known, at.form, sought), drive.fitted)
+        at, *others = _with_edges(fit, at, _forms(known, at.form, _beside(sought, beginning.trials)), drive.fitted)
     others += [*_nearly_taken(fit, at, beginning.trials), *_timed_otherwise(fit, at, beginning.others)]
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
@@ -281,16 +280,23 @@ def fit_valve(
 
 
 def _nearly_taken(fit: Fit, at: Found, trials: Sequence[Trial]) -> list[Found]:
-    """The minima, for all operations, of forms that stood against the one that was taken last, unless it was clear."""
+    """The minima, for all operations, of forms that stood against the one that was taken last, unless it was clear.
+
+    Also of larger ones, if some evidence was for them.
+    """
     taken = [k for k, trial in enumerate(trials) if trial.is_taken]
-    if len(taken) < 2 or trials[taken[-1]].form.added != at.form.added:
+    if not taken or trials[taken[-1]].form.added != at.form.added:
         return []
-    (before, last), ends = taken[-2:], list[Found]()
-    for trial in (trials[before]._replace(evidence=0.0), *trials[before + 1 : last]):
-        if trials[last].evidence - trial.evidence < CLEAR:
-            fit.form = trial.form
-            start = carry_over(at.form, at.ratios, trial.form)
-            ends.append(_minimise(fit, start, at.prepared, at.causes, is_searched=False))
+    last, ends = taken[-1], list[Found]()
+    near = [trial for trial in trials[last + 1 :] if trial.evidence > 0.0]
+    if len(taken) > 1:
+        before = taken[-2]
+        against = (trials[before]._replace(evidence=0.0), *trials[before + 1 : last])
+        near += [trial for trial in against if trials[last].evidence - trial.evidence < CLEAR]
+    for trial in near:
+        fit.form = trial.form
+        start = carry_over(at.form, at.ratios, trial.form)
+        ends.append(_minimise(fit, start, at.prepared, at.causes, is_searched=False))
     fit.form = at.form
     return ends
 
@@ -382,10 +388,16 @@ def _evidence(before: Found, after: Found) -> float:
 
 
 def _forms(known: Device, form: Form, sought: Sought) -> list[Form]:
-    """The plain form and another one that was taken, each without eddy currents and with them."""
-    first, eddy = plain(known, sought), sought._replace(forms=[name for name in BESIDE if name in sought.forms])
-    made = [first, *larger(first, eddy)]
-    return made if any(form.added == one.added for one in made) else [*made, form, *larger(form, eddy)]
+    """The plain form and another one that was taken, each without what is sought and with one part of it."""
+    first = plain(known, sought)
+    made = [first, *larger(first, sought)]
+    return made if any(form.added == one.added for one in made) else [*made, form, *larger(form, sought)]
+
+
+def _beside(sought: Sought, trials: Sequence[Trial]) -> Sought:
+    """What places of edges look much like: eddy currents, and a filter of the current if anything is for it."""
+    is_seen = any("filter" in trial.form.added and trial.evidence > 0.0 for trial in trials)
+    return sought._replace(forms=("eddy", "filter") if is_seen else ("eddy",))
 
 
 def _left(at: Found) -> Vector:
