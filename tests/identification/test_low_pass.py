@@ -12,7 +12,7 @@ from gapsense.identification.measurements.low_pass import Edge, Filtered, LowPas
 from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.options import CONVENTIONS
 from gapsense.identification.valve.fit import fit_valve
-from gapsense.identification.valve.form import Sought, value_of
+from gapsense.identification.valve.form import Sought
 from gapsense.identification.valve.show import remarks
 
 DT, NOISE = 50e-6, 15e-3
@@ -109,10 +109,7 @@ def test_filter_of_the_current_alone_is_found_and_told():
     one = record(c, 30.0, 2, np.random.default_rng(35))
     result = fit_valve([one], GUESS, 1, conventions=CONVENTIONS, sought=Sought(("eddy", "filter")))
     assert result.is_explained and "filter" in result.form.added
-    found = off(c, result)
-    filtered, error = float(value_of(result.parameters, "current_filter")), result.errors["current_filter"]
-    assert abs(filtered / c.filtered - 1.0) < 3.0 * error < 1.0
-    assert max(abs(x) for name, x in found.items() if name != "current_filter") < 3.0, found
+    assert result.errors["current_filter"] < 0.3 and max(map(abs, off(c, result).values())) < 3.0
     assert any("The current alone comes through a low-pass" in said for said in remarks(result))
 
 
