@@ -15,9 +15,9 @@ demo: fmus
 	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
 	$(BIN)/gapsense figure scenarios/semera_valve
 
-test: lint  # then four that keep one core busy each, and of which only the scenarios wait for the others
-	$(MAKE) --jobs 2 fmus natives types scenarios
-	$(MAKE) unit
+test: lint  # then what keeps one core busy each, and with the tests what neither waits for them nor they for it
+	$(MAKE) --jobs 2 fmus natives
+	$(MAKE) --jobs 3 types scenarios unit
 
 fast: fmus
 	$(BIN)/pytest -q -n 2 -m "not slow" -x

@@ -1,6 +1,6 @@
 """Nanoseconds per step and run of the estimators of [RTS] in motion: `python benchmarks/filters.py [--figure-9]`.
 
-Filter, smoother and open loop over many runs, in C and by numpy, and one run in scalar Python; the generated Python and
+Filter, smoother and open loop over many runs in C, and one run in scalar Python; the generated Python and
 C of the component `Ekf` (with its outputs in SI units); and filterpy's ExtendedKalmanFilter with the same model, whose
 functions and Jacobians are written out in numpy.  All but the C of the component step the motion of the soft-landing
 cycle; that steps random inputs, as in kernels.py.  CPU time, the best of some passes.  On request also the seconds of
@@ -66,8 +66,7 @@ def main() -> None:
     for k, what in enumerate(STEPS):
         for count in (1000, CHUNK):
             table.add_row(f"{what}, C over {count} runs", f"{in_lanes(*runs[count][k]):.1f}", "as in the studies")
-            table.add_row(f"{what}, numpy over {count} runs", f"{by_numpy(*runs[count][k]):.0f}", "without a compiler")
-        table.add_row(f"{what}, scalar Python", f"{alone(*runs[1][k]):.0f}", "")
+        table.add_row(f"{what}, scalar Python", f"{alone(*runs[1][k]):.0f}", "without a compiler")
     ours, states = component(study)
     table.add_row("component Ekf, generated Python", f"{ours:.0f}", "what its FMU runs")
     table.add_row("component Ekf, generated C", f"{1e3 * in_c('gapsense.estimators.ekf', single=False):.0f}", "gcc -O2")
@@ -124,11 +123,6 @@ def in_lanes(code: Code, rows: list[Row]) -> float:
     made = plan(repeated, **{name: len(column) for name, column in columns.items()})
     made.run(runs, **columns)
     return 1e9 * best(lambda: made.run(runs, **columns), 3) / (runs * REPEATS)
-
-
-def by_numpy(code: Code, rows: list[Row]) -> float:
-    """As calls of numpy code."""
-    return 1e9 * best(lambda: code(*rows), REPEATS) / np.size(rows[0][0])
 
 
 def alone(code: Code, rows: list[Row]) -> float:

@@ -1,6 +1,6 @@
 """What a step of each kernel costs in each of its forms: `python benchmarks/kernels.py [NAME ...]`.
 
-Source on floats, generated Python, numpy and C over many runs (per run), C in double and in float. The kernels are
+Source on floats, generated Python, C over many runs (per run), C in double and in float. The kernels are
 found, and their parameters and inputs drawn, as in tests/kernels/test_parity.py. Of the generated Python also what a
 busy machine does not change: how many instructions of the interpreter a step takes.
 """
@@ -13,7 +13,6 @@ import random
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from types import FrameType, SimpleNamespace
@@ -27,11 +26,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "kernels"
 from c_code import CKernel
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
-from gapsense.kernels.lanes import Code, stepped
+from gapsense.kernels.lanes import stepped
 from gapsense.kernels.layout import flat
 
 STEPS, DRAWN = 200, 50  # steps of a sequence; different runs in a batch, which is filled with copies of them
-BATCHES, STEPS_OVER_RUNS = (1000, 10000), 20
+MANY, STEPS_OVER_RUNS = 1000, 20
 ENOUGH = 0.3  # seconds of measuring each form
 LOOP = """
 #include <time.h>
@@ -58,16 +57,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="NAME", help="kernels, all by default")
     wanted = parser.parse_args().names
-    titles = [
-        "kernel",
-        "source",
-        "Python",
-        "instructions",
-        *(f"numpy, {n} runs" for n in BATCHES),
-        f"C, {BATCHES[0]} runs",
-        "C double",
-        "C float",
-    ]
+    titles = ["kernel", "source", "Python", "instructions", f"C, {MANY} runs", "C double", "C float"]
     table = Table(title="Microseconds per step and run: the best of several sequences")
     for title in titles:
         table.add_column(title, justify="left" if title == "kernel" else "right")
@@ -88,8 +78,7 @@ def row(module: str) -> list[float]:
         lambda: sequence(lambda given, _: k.scalar["initial"](given, entries), advance, values, constants), STEPS
     )
     count = instructions(advance, k.scalar["initial"](values[0], entries)[0], values[1:], constants)
-    forms = [*(batch(module, runs) for runs in BATCHES), over_runs(module, BATCHES[0])]
-    return [source, python, count, *forms, in_c(module, False), in_c(module, True)]
+    return [source, python, count, over_runs(module, MANY), in_c(module, False), in_c(module, True)]
 
 
 def sequence(initial: Callable[..., Any], step: Callable[..., Any], inputs: Sequence[Any], par: Any) -> float:
@@ -129,21 +118,8 @@ def best(measured: Callable[[], float], steps: int) -> float:
     return 1e6 * min(found) / steps
 
 
-def batch(module: str, runs: int) -> float:
-    """Microseconds per step and run of the numpy code."""
-    par, inputs = drawn(module, runs)
-    initial, step = (partial(of_runs, Code(graph).numpy, runs) for graph in kernel(module).graphs)
-    return best(lambda: sequence(initial, step, inputs, par), STEPS_OVER_RUNS * runs)
-
-
-def of_runs(function: Callable[..., Any], runs: int, *rows: Any) -> Any:
-    """Call numpy code, which computes both branches of a condition: one may be meaningless."""
-    with np.errstate(all="ignore"):
-        return function(*rows, runs)
-
-
 def over_runs(module: str, runs: int) -> float:
-    """The same of C over runs, with what it takes to hand the numbers over."""
+    """Microseconds per step and run of C over runs, with what it takes to hand the numbers over."""
     par, inputs = drawn(module, runs)
 
     def seconds() -> float:

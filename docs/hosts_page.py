@@ -17,10 +17,7 @@ from gapsense._os.files import write_atomically
 PAGE = "hosts.md"
 KINDS = {"python": "Python FMU", "native": "native FMU", "native3": "native FMU, FMI 3.0"}
 NOT_TRIED = (
-    (
-        "Simulink, Dymola, OpenModelica, TwinCAT",
-        "not available on the test machines: the native FMU is for them",
-    ),
+    ("Simulink, Dymola, OpenModelica, TwinCAT", "not available on the test machines: the native FMU is for them"),
     (
         "pathsim-fmi, but by hand",
         "FMI 3.0: 0.1.1 reads each output into one number; of 14 components 8 ran, all with `gapsense build --scalars`",

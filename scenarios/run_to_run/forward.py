@@ -10,7 +10,7 @@ from gapsense.control.mover import Mover, make_mover
 from gapsense.control.profile import Operation, flux, is_planned, path
 from gapsense.control.records import CLOSING, OPENING, Parameters
 from gapsense.control.tracking import planned
-from gapsense.estimators.gap import gap
+from gapsense.estimators.mhe.model import gap
 
 from ..estimators.parameters import VALVE
 

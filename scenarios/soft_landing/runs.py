@@ -1,6 +1,6 @@
 """Filter, smoother and open loop of [RTS] over a whole record, for many runs at once.
 
-Currents, parameters and estimates are arrays over the runs, or stand for them in a plan (`gapsense.kernels.lanes`).
+Currents, parameters and estimates stand for those of all runs in a plan (`gapsense.kernels.lanes`), or are one run's.
 """
 
 from __future__ import annotations

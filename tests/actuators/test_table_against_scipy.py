@@ -24,7 +24,7 @@ def actuator():
         pytest.param({}, 4, id="plain"),
         pytest.param({"eddy_currents": 0.0, "mover_load": 1e-3, "gravity": -9.81}, 4, id="load and gravity"),
         pytest.param({"stop_restitution": 0.5}, 10, id="bounces"),
-        pytest.param(ELASTIC, 10, id="elastic"),
+        pytest.param(ELASTIC, 10, id="elastic", marks=pytest.mark.slow),
         pytest.param(ELASTIC | {"friction": 0.1}, 10, id="elastic with friction"),
         pytest.param({"friction": 0.3, "stop_restitution": 0.4, "damping": 0.1}, 6, id="friction"),
         pytest.param({"spring_law": 1.0, "spring_preload": -0.2}, 4, id="spring by table"),

@@ -89,8 +89,7 @@ def test_impossible_motion_is_refused_and_nothing_written(gapsense):
 
 
 @pytest.mark.parametrize(
-    ("command", "words"),
-    [("reference-cycle", "-1.223"), ("observability-rts", "never observable: t = 5 ms, 15 ms")],
+    ("command", "words"), [("reference-cycle", "-1.223"), ("observability-rts", "never observable: t = 5 ms, 15 ms")]
 )
 def test_study_prints_its_numbers_and_draws_its_figure(gapsense, rising, command, words):
     done = gapsense("study", command, "--out", "new/figure.png")

@@ -19,6 +19,18 @@ from gapsense.fmi.components import find_components, load_component
 ROOT = Path(__file__).parents[2]
 FOLDERS = find_components(ROOT / "fmus")
 KINDS = ("python", "native")
+SECONDS = {  # with these, in Python, for what the others show
+    "test_awkward_steps_run": ("play_actuator", "power_stage", "table_actuator"),
+    "test_made_up_states_are_refused": ("ertss", "mhe"),
+}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What takes seconds for one component belongs to the long tests."""
+    for item in items:
+        name, _, case = item.name.partition("[")
+        if case.removesuffix("-python]") in SECONDS.get(name, ()):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ from gapsense.control.judging import FELT, _slowest, judged_by_contact, judged_b
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import stops
 from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
-from gapsense.estimators.gap import gap, make_gap
+from gapsense.estimators.mhe.model import gap, make_gap
 
 PAR = parameters()
 FLUX, LANDING, AGE = 0.011, 240.0, 400.0

@@ -20,7 +20,7 @@ from gapsense.control.coil import (
     topped,
     zeroed,
 )
-from gapsense.estimators.gap import gap, make_gap
+from gapsense.estimators.mhe.model import gap, make_gap
 
 PAR = parameters()
 AS_MEASURED = (False, 0.0, 1.0)  # not late, no expected current

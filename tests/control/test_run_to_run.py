@@ -10,7 +10,7 @@ from gapsense.control import laws, run_to_run
 from gapsense.control.coil import DRIVEN
 from gapsense.control.judging import WARNINGS, judged_by_estimator
 from gapsense.control.records import LawKind
-from gapsense.estimators.gap import gap, make_gap
+from gapsense.estimators.mhe.model import gap, make_gap
 from gapsense.kernels.interface import ports_of
 from gapsense.kernels.kernel import Kernel
 

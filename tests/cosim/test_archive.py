@@ -161,10 +161,7 @@ def test_damaged_archive_is_refused(altered):
         (lambda t: t.replace('modelIdentifier="Gain"', 'modelIdentifier="../Gain"'), "model identifier is `../Gain`"),
         (lambda t: t.replace('modelIdentifier="Gain"', 'modelIdentifier="Other"'), "no library `binaries/"),
         (lambda t: t.replace('name="u"', 'name="y"'), 'The variable name "y"'),
-        (
-            lambda t: t.replace('name="u" valueReference="1"', 'name="u" valueReference="0"'),
-            "share the value",
-        ),
+        (lambda t: t.replace('name="u" valueReference="1"', 'name="u" valueReference="0"'), "share the value"),
         (lambda t: t.replace('min="-1000"', 'min="a lot"'), "'a lot' is not a valid value"),
         (lambda t: t.replace('min="-1000"', 'min="NaN"'), "`min` of its variable `u` is not a number"),
         (lambda t: t.replace('valueReference="1"', 'valueReference="1e3"'), "is not a valid value"),

@@ -22,11 +22,7 @@ CONTENTS = {
     "setting": f"key = {SECRET}\n",
     "semicolons": f"a;{SECRET}\nb;{SECRET}\n",
 }
-PLACES = {
-    "rows": '[sweep]\nrows = "{}"\n',
-    "signal": '[inputs.gain.u]\nfile = "{}"\ncolumn = "y"\n',
-    "parameters": "",
-}
+PLACES = {"rows": '[sweep]\nrows = "{}"\n', "signal": '[inputs.gain.u]\nfile = "{}"\ncolumn = "y"\n', "parameters": ""}
 
 
 def scenario(write, chain: str, place: str, file: object) -> Path:

@@ -30,11 +30,7 @@ PUSH = '[events.push]\ntarget = "mass.force"\naction = "bias"\nvalue = 5.0\n'
 
 @pytest.mark.parametrize(
     ("method", "tolerances"),
-    [
-        ("gauss-seidel", (0.3, 0.03, 1e-7)),
-        ("jacobi", (0.3, 0.03, 1e-7)),
-        ("iterative", (1e-3, 3e-5, 1e-8)),
-    ],
+    [("gauss-seidel", (0.3, 0.03, 1e-7)), ("jacobi", (0.3, 0.03, 1e-7)), ("iterative", (1e-3, 3e-5, 1e-8))],
 )
 def test_error_falls_with_the_tolerance_as_far_as_the_grid_goes(write, coupled_2, method, tolerances):
     found = [run(write(controlled(tolerance, method, stop=0.256)), fmus=coupled_2) for tolerance in tolerances]

@@ -15,7 +15,6 @@ from gapsense.drive import drive_voltage as drive
 from gapsense.drive.drive_voltage import Inputs, Kind, Parameters, State, Waveform
 from gapsense.fmi.tables import running_integral
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import Code
 from gapsense.kernels.layout import flat
 
 KERNEL = Kernel(drive)
@@ -423,16 +422,3 @@ def test_generated_code_gives_the_bits_of_the_source(waveform):
         assert [x.hex() for x in flat(outputs)] == [x.hex() for x in flat(outputs_made)]
         state, outputs = drive.step(state, row, par)
         state_made, outputs_made = KERNEL.step(state_made, row, par)
-
-
-@pytest.mark.parametrize("waveform", [*WAVEFORMS.values(), None], ids=[*WAVEFORMS, "mixed"])
-def test_batch_gives_the_numbers_of_single_runs(waveform):
-    runs = 400
-    inputs = steps_of(2, runs)
-    numbers = np.array([waveform if waveform is not None else float(k % 6) for k in range(runs)])
-    tables = {name: np.array(value) for name, value in BASE._asdict().items() if isinstance(value, list)}
-    par = flat(BASE._replace(waveform=numbers, **tables))
-    _, found = Code(KERNEL.graphs[1])([np.zeros(runs)], [*np.array(inputs).T], par)
-    for k, row in enumerate(inputs):
-        _, expected = KERNEL.step(State(0.0), row, BASE._replace(waveform=float(numbers[k])))
-        assert [x[k] for x in found] == pytest.approx(flat(expected), rel=1e-12, abs=1e-12)

@@ -48,15 +48,7 @@ def cosimulated(actuator, par, commands, dt=STEP):
     for k, row in enumerate(now, 1):
         stage.call("step", (k * dt, dt, *row, 1.0, found[-1][0]), par)
         given.append(stage.outputs.copy())
-        plant.call(
-            "step",
-            (
-                k * dt,
-                dt,
-                given[-1][1],
-            ),
-            actuator,
-        )
+        plant.call("step", (k * dt, dt, given[-1][1]), actuator)
         found.append(plant.outputs.copy())
     kernels = (power_stage, given), (reluctance_actuator, found)
     return Run(*(dict(zip(kernel.Outputs._fields, np.array(rows).T)) for kernel, rows in kernels))

@@ -104,11 +104,7 @@ def test_small_steps_solve_the_printed_equations(method: Any, orientation: str) 
     path = p.core_length + 2.0 * p.core_permeability * (s if sign < 0.0 else p.stop_upper - s)
     K5 = p.coil_turns**2 * p.core_permeability * 1.257e-6 * p.pole_area
     L, slope = K5 / path, sign * 2.0 * p.core_permeability * K5 / path**2
-    expected = [
-        (24.0 - (mod.K6 + slope * v) * i) / L,
-        v,
-        0.5 * i**2 * abs(slope) / p.mover_mass - 9.81,
-    ]
+    expected = [(24.0 - (mod.K6 + slope * v) * i) / L, v, 0.5 * i**2 * abs(slope) / p.mover_mass - 9.81]
     found = (np.array(method(vector([i, s, v]), Held(24.0, mod.K6, 0.0, dt), mod), float) - [i, s, v]) / dt
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 

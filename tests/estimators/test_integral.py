@@ -8,7 +8,7 @@ import pytest
 from signals import DT, REST, Signal, valve_like
 
 from gapsense.estimators import integral
-from gapsense.estimators.readings import LOST
+from gapsense.estimators.readings import LOST, UNLEARNT
 from gapsense.kernels.kernel import Kernel
 
 KERNEL = Kernel(integral)
@@ -139,8 +139,10 @@ def test_lost_readings_are_bridged_and_forgotten(kind: float, which: str, at: in
     assert all(np.all(np.isfinite(values)) for values in found.values())
     lost = np.zeros(u.size, bool)
     lost[hole] = True
-    np.testing.assert_array_equal(found["health"], np.where(lost, 0.0, 1.0)[1:])
-    np.testing.assert_array_equal(found["health_causes"], np.where(lost, LOST, 0.0)[1:])
+    learnt = REST + 400  # the second operation begins there
+    causes = np.where(lost, LOST, 0.0) + np.where(np.arange(u.size) < learnt, UNLEARNT, 0.0)
+    np.testing.assert_array_equal(found["health"], np.where(causes, 0.0, 1.0)[1:])
+    np.testing.assert_array_equal(found["health_causes"], causes[1:])
     back = REST + 400 * ((at + length - REST) // 400 + 1) - 1
     np.testing.assert_allclose(found["resistance"][back:], clean["resistance"][back:], rtol=0.0, atol=0.1)
     assert np.sqrt(np.mean((found["flux_linkage"][back:] - signal.flux_linkage[back + 1 :]) ** 2)) < 0.25e-3

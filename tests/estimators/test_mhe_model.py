@@ -14,11 +14,10 @@ from mhe_signals import START, T_S, at_rest, blind, corrected_run, model_run, tr
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.optimize import least_squares
 
-from gapsense.estimators.gap import bump, gap_law
 from gapsense.estimators.mhe import mhe
 from gapsense.estimators.mhe import model as mhe_model
 from gapsense.estimators.mhe.mhe import SAME
-from gapsense.estimators.mhe.model import Model, Point, device, differentiate, model
+from gapsense.estimators.mhe.model import Model, Point, bump, device, differentiate, gap_law, model
 from gapsense.estimators.mhe.solve import DRIFT
 from gapsense.estimators.mhe.window import priors
 from gapsense.kernels.linalg import matrix

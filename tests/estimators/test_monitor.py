@@ -16,12 +16,7 @@ from gapsense.kernels.layout import flat, names, record
 
 KERNEL = Kernel(monitor).scalar
 PAR = Parameters(sample_time=1e-3, settle=3e-3, learn_windows=20.0)
-PHASES = [
-    1,
-    3,
-    3,
-    4,
-]  # samples of an operation in each phase, after that at the edge
+PHASES = [1, 3, 3, 4]  # samples of an operation in each phase, after that at the edge
 VALUES = np.array([48.0, 1e-3, 1.0, 0.5, 25e-3, 8e-3, 1.6e-3, 19e-3])
 STD = 0.002
 USUAL = 1e-3  # deviation of a mean innovation [A]

@@ -99,6 +99,12 @@ def saved(fmu: str, part: Part) -> dict[str, Any]:
     return fresh("save", fmu, tuned(part.component))  # type: ignore[no-any-return]
 
 
+@pytest.fixture
+def elsewhere(fmu: str, saved: dict[str, Any]) -> dict[str, Any]:
+    """How the run goes on from the saved state in another process, and the trace of one more instance there."""
+    return fresh("elsewhere", fmu, saved["bytes"])  # type: ignore[no-any-return]
+
+
 @pytest.fixture(scope="session")
 def stock(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with `<name>.fmu` and the extracted `<name>/` of each slave in `SLAVES`, with our Linux binary."""

@@ -155,11 +155,7 @@ def _resident() -> int:
 
 
 def reference(
-    path: str,
-    step: float,
-    rows: int,
-    inputs: list[list[float]] | None = None,
-    parameters: dict[str, Any] | None = None,
+    path: str, step: float, rows: int, inputs: list[list[float]] | None = None, parameters: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """A short run: names, inputs (the stimulus, unless given; the first hold in the first step too) and outputs."""
     fmu = Fmu(path)
@@ -205,12 +201,12 @@ def save(path: str, tuned: dict[str, Any]) -> dict[str, Any]:
     return facts
 
 
-def restore(path: str, data: str) -> list[list[float]]:
-    """How a run goes on from bytes."""
+def elsewhere(path: str, data: str) -> dict[str, Any]:
+    """How a run goes on from bytes, and then the trace of another instance."""
     fmu = Fmu(path)
-    one = Instance(fmu)
+    rows, one = fmu.stimulus(STEPS), Instance(fmu)
     one.slave.setFMUstate(one.slave.deSerializeFMUstate(bytes.fromhex(data)))
-    return one.go_on(fmu.stimulus(STEPS), STEPS // 2)
+    return {"restored": one.go_on(rows, STEPS // 2), "first": Instance(fmu, "two").run(rows)}
 
 
 # Failures -------------------------------------------------------------------------------------------------------------

@@ -159,8 +159,8 @@ def test_stimulus_moves_at_least_half_of_the_outputs(part: Part, life: dict[str,
     assert moving >= (len(part.names("output")) + 1) // 2
 
 
-def test_other_process_gives_the_same_bits(fmu: str, life: dict[str, Any]) -> None:
-    assert fresh("together", fmu) == [life["first"]]
+def test_other_process_gives_the_same_bits(elsewhere: dict[str, Any], life: dict[str, Any]) -> None:
+    assert elsewhere["first"] == life["first"]
 
 
 def test_all_fmus_in_one_process_do_not_mix(fmu: str, life: dict[str, Any], all_traces: dict[str, Any]) -> None:
@@ -224,8 +224,8 @@ def test_continues_from_bytes_in_another_instance(saved: dict[str, Any]) -> None
     assert saved["bytes_again"] == saved["bytes"]
 
 
-def test_continues_from_bytes_in_another_process(fmu: str, saved: dict[str, Any]) -> None:
-    assert fresh("restore", fmu, saved["bytes"]) == saved["straight"]
+def test_continues_from_bytes_in_another_process(elsewhere: dict[str, Any], saved: dict[str, Any]) -> None:
+    assert elsewhere["restored"] == saved["straight"]
 
 
 # Messages -------------------------------------------------------------------------------------------------------------
@@ -307,14 +307,17 @@ def test_processes_always_exit_cleanly(all_fmus: list[str], broken: Path, count:
     assert failed == [paths[0] in failing for paths, *_ in jobs]
 
 
-def test_c_host_always_exits_cleanly(c_host: Path, all_fmus: list[str], tmp_path: Path) -> None:
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_c_host_always_exits_cleanly(c_host: Path, all_fmus: list[str], tmp_path: Path, every: bool) -> None:
+    """Each FMU beside another and eight at once; in the long tests each alone too, and beside both its neighbours."""
     folders = []
     for path in all_fmus:
         folders.append(tmp_path / Path(path).stem)
         with zipfile.ZipFile(path) as archive:
             archive.extractall(folders[-1])
     step = 1e-3  # a whole multiple of all sample times
-    groups = [[folder] for folder in folders] + list(map(list, zip(folders, folders[1:] + folders[:1]))) + [folders[:8]]
+    pairs = list(map(list, zip(folders, folders[1:] + folders[:1])))
+    groups = [folders[:8], *([folder] for folder in folders if every), *(pairs if every else pairs[::2])]
     with ThreadPoolExecutor(2) as pool:
         codes = list(pool.map(lambda group: in_c_host(c_host, group, step), groups))
     assert codes == [0] * len(groups)

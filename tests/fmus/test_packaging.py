@@ -335,12 +335,7 @@ MISTAKES = {
         "def step(state, inputs)",
         ["kernel.py", "step()"],
     ),
-    "state forgotten": (
-        KERNEL_FILE,
-        "State(inputs.voltage), ",
-        "",
-        ["kernel.py:35, in initial: it returns Outputs;"],
-    ),
+    "state forgotten": (KERNEL_FILE, "State(inputs.voltage), ", "", ["kernel.py:35, in initial: it returns Outputs;"]),
     "nothing returned": (
         KERNEL_FILE,
         "return State(inputs",

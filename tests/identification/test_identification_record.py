@@ -303,6 +303,18 @@ def test_decimal_commas_between_commas_are_all_that_is_told(tmp_path):
     assert all("6 cells found, 3 expected" in problem for problem in caught.value.problems)
 
 
+def test_a_row_that_is_too_long_does_not_hide_what_is_wrong_with_others(tmp_path):
+    file = tmp_path / "a.csv"
+    rows = [f"{1e-5 * k:.5f},1,0" for k in range(20)]
+    rows[5], rows[9] = "0.00005,1,0,,", "0.00009,abc,0"
+    file.write_text("\n".join(["time [s],voltage [V],current [A]", *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_record(file)
+    long, text = caught.value.problems
+    assert "row 7: 5 cells found, 3 expected" in long
+    assert "row 11: `voltage` is `abc`" in text
+
+
 def test_one_sample_that_hides_all_others_is_named(tmp_path):
     values = {name: x.copy() for name, x in columns(seed=1).items()}
     values["current"][500] = 40.0

@@ -79,15 +79,7 @@ def test_time_grows_with_the_length_of_a_record_not_with_its_square():
 
 @pytest.mark.parametrize(
     "how",
-    [
-        {},
-        {"noise": (0.0, 0.0)},
-        {"bits": 8},
-        {"period": 5e-6},
-        {"period": 20e-6},
-        {"filter": 100e-6},
-        {"offset": 5e-3},
-    ],
+    [{}, {"noise": (0.0, 0.0)}, {"bits": 8}, {"period": 5e-6}, {"period": 20e-6}, {"filter": 100e-6}, {"offset": 5e-3}],
 )
 def test_landing_and_release_of_a_mover_are_kinks(how):
     found, _, items = bench(instruments=how)
@@ -187,6 +179,11 @@ def test_no_resistance_and_flux_linkage_of_a_reversed_or_missing_voltage(factor)
 def test_resistance_of_a_record_that_does_not_begin_at_rest_is_not_sure():
     said, items = said_of(changed(current=lambda x: x["current"] + 0.1))
     assert items["resistance"] == "with care" and "before the voltage" not in said
+
+
+def test_milliseconds_that_are_taken_for_seconds_are_refused_by_all_commands():
+    _, items = said_of(changed(time=lambda x: 1e3 * x["time"]))
+    assert {items[f"`{name}`"] for name in ("identify", "commission", "estimate")} == {"no"}
 
 
 def test_levels_of_a_command_are_no_steps_of_a_converter():

@@ -7,10 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
 from c_code import build_graph
 
-from gapsense.kernels.emit import Graph, Numpy, Python, namespace
+from gapsense.kernels.emit import Graph, Python, namespace
 from gapsense.kernels.kernel import trace
 from gapsense.kernels.layout import Array, Memory, Table
 
@@ -52,19 +51,13 @@ def python_text(function: Callable[..., Any], outputs: type = Outputs) -> str:
     return Python(graph(function, outputs)).source()
 
 
-def compiled(text: str, language: type[Python] = Python) -> Callable[..., Any]:
-    return namespace(language.module(text), "traced")["step"]
+def compiled(text: str) -> Callable[..., Any]:
+    return namespace(Python.module(text), "traced")["step"]
 
 
 def run_python(function: Callable[..., Any], *values: float) -> Any:
     result = compiled(python_text(function))(values)
     return result[0] if isinstance(result, tuple) else result
-
-
-def run_numpy(function: Callable[..., Any], *values: Any) -> Any:
-    with np.errstate(all="ignore"):
-        arrays = [np.asarray(v, float) for v in values]
-        return compiled(Numpy(graph(function)).source(), Numpy)(arrays, arrays[0].size)[0]
 
 
 def run_c(function: Callable[..., Any], folder: Path, *values: float) -> float:

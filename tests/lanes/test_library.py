@@ -77,7 +77,7 @@ def test_many_processes_compile_at_once(tmp_path, compiler):
 
 
 @pytest.mark.parametrize("named", ["no-such-compiler", "false"])
-def test_without_a_compiler_numpy_computes_and_says_so_once(named, tmp_path):
+def test_without_a_compiler_python_computes_and_says_so_once(named, tmp_path):
     done = child(CC=named, **{library.CACHE: str(tmp_path)})
     assert done.returncode == 0 and done.stdout.split(" [")[0].strip() == f"{FOUND} False", done.stderr
     assert done.stderr.count("Python computes instead") == 1

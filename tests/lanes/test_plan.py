@@ -1,4 +1,4 @@
-"""Recorded calls: what is kept, the places that values share, and numpy in place of C."""
+"""Recorded calls: what is kept, the places that values share, and Python in place of C."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def test_plan_gives_what_the_calls_give_at_once(code, compiler):
     recorded = plan(lambda start, noise: walk(code, start, noise), start=2, noise=SAMPLES)
     assert recorded.library
     columns = given()
-    expected = [np.broadcast_to(value, RUNS) for value in walk(code, columns["start"], columns["noise"])]
+    start, runs = [float(x) for x in columns["start"][:, 0]], columns["noise"].T.tolist()
+    expected = np.transpose([walk(code, start, noise) for noise in runs])
     np.testing.assert_array_equal(recorded.run(RUNS, **columns), expected)
     recorded.__dict__["library"] = None
     np.testing.assert_array_equal(recorded.run(RUNS, **columns), expected)

@@ -262,10 +262,7 @@ def test_settings_for_encryption_that_do_not_do_are_told(write, fmus, certificat
         "no client": ({f"{TLS}CLIENT__CERT": ""}, "needs settings for TLS, which are missing"),
         "no file": ({f"{TLS}CLIENT__CERT": "/nope"}, r"the settings for TLS cannot be used \(.*No such file"),
         "no certificate": ({f"{TLS}CA_FILE": str(tmp_path / "text.pem")}, "the settings for TLS cannot be used"),
-        "open": (
-            {"DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true"},
-            "is not encrypted, but Dask's",
-        ),
+        "open": ({"DASK_DISTRIBUTED__COMM__REQUIRE_ENCRYPTION": "true"}, "is not encrypted, but Dask's"),
     }
     settings, why = changes[wrong]
     encrypted({**certificate, **settings})

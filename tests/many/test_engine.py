@@ -54,12 +54,7 @@ def test_same_call_does_nothing_again_and_more_seeds_keep_the_runs(write, fmus, 
     old = campaign(write(), 1, tmp_path / "out", fmus)
     first = rows(old)
     assert campaign(write(), 1, tmp_path / "out", fmus).computed == 0
-    more = campaign(
-        write(STUDY.replace("seeds = 2", "seeds = 3")),
-        1,
-        tmp_path / "out",
-        fmus,
-    )
+    more = campaign(write(STUDY.replace("seeds = 2", "seeds = 3")), 1, tmp_path / "out", fmus)
     assert (more.computed, more.rows) == (6, 18)
     assert {name: column[:12] for name, column in rows(more).items()} == first
     assert rows(old) == first  # as it was read

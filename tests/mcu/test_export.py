@@ -87,8 +87,9 @@ def test_float_is_near(name: str, tmp_path: Path) -> None:
     assert np.all(error <= FLOAT[name] * np.maximum(np.abs(wanted).max(axis=0), nominal)), error
 
 
-def test_compilers_of_c_and_of_cpp_have_nothing_to_say(folder: Path, tmp_path: Path) -> None:
-    design = designed(folder, "float")
+@pytest.mark.parametrize("name", SOME)
+def test_compilers_of_c_and_of_cpp_have_nothing_to_say(name: str, tmp_path: Path) -> None:
+    design = designed(FOLDERS[name], "float")
     export([design], tmp_path)
     files = [str(tmp_path / f"{design.name}{ending}.c") for ending in ("", "_main")]
     compile_("gcc", "-std=c99", "-fsyntax-only", *files)

@@ -45,8 +45,7 @@ def test_fmpy_finds_nothing_to_complain_about(own: Fmu) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "schema"),
-    [(TERMINALS, "fmi3TerminalsAndIcons"), ("sources/buildDescription.xml", "fmi3BuildDescription")],
+    ("name", "schema"), [(TERMINALS, "fmi3TerminalsAndIcons"), ("sources/buildDescription.xml", "fmi3BuildDescription")]
 )
 def test_other_xml_obeys_its_schema(own: Fmu, name: str, schema: str) -> None:
     etree.XMLSchema(file=str(SCHEMAS / f"{schema}.xsd")).assertValid(etree.fromstring(member(own, name)))

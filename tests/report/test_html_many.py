@@ -63,8 +63,8 @@ def test_page_tells_what_ran_what_failed_and_what_has_no_value(tmp_path, make):
         "valve: stuck.",
     ):
         assert found in text, found
-    assert "✗ incomplete 1 run failed. 1 of 2 metrics with bounds are outside of them in some runs." in text
-    assert "2 metrics have no value in some runs that did not fail." in text
+    assert "✗ incomplete 1 run failed. 2 metrics with bounds, 1 outside of them in some runs." in text
+    assert "2 metrics without a value in some runs that did not fail." in text
     heads = ["Failed runs", "Metrics", "Worst runs", "Distributions", "What was varied", "What ran"]
     assert page.texts["h3"] == heads and page.texts["h4"] == ["position error", "noise"]  # nothing is drawn of `never`
     (error,) = (row for row in cells(page, "position error") if "valve.r" in row)

@@ -29,8 +29,7 @@ def example(request: pytest.FixtureRequest) -> Path:
 
 
 @pytest.mark.parametrize(
-    "file",
-    [pytest.param(f, marks=[pytest.mark.slow] * (f.stem != "first_cosimulation"), id=f.stem) for f in EXAMPLES],
+    "file", [pytest.param(f, marks=[pytest.mark.slow] * (f.stem != "first_cosimulation"), id=f.stem) for f in EXAMPLES]
 )
 def test_example_runs_and_its_page_shows_it(file):
     done = cells.shown(file)

@@ -112,10 +112,7 @@ def test_what_is_right_is_what_the_valve_of_the_scenario_has() -> None:
 
 
 def test_tables_name_every_filter(wrong: dict[str, Errors]) -> None:
-    tables = (
-        text(*show.parameter_tables(wrong, (0.0, 0.05), 0.05)),
-        text(show.resistance_table({0.05: wrong}, 0.05)),
-    )
+    tables = (text(*show.parameter_tables(wrong, (0.0, 0.05), 0.05)), text(show.resistance_table({0.05: wrong}, 0.05)))
     for shown in tables:
         assert all(name in shown for name in bounded_ukf.FILTERS)
         assert max(map(len, shown.splitlines())) < 121

@@ -70,8 +70,7 @@ def test_what_noise_of_20_mA_leaves_of_soft_landing_arrives_and_is_told(law):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("condition", "noise"),
-    [("noise", 5e-3), ("damping-step", 5e-3), ("rest-step", 20e-3), ("damping-step", 20e-3)],
+    ("condition", "noise"), [("noise", 5e-3), ("damping-step", 5e-3), ("rest-step", 20e-3), ("damping-step", 20e-3)]
 )
 def test_what_a_contact_teaches_is_soft_with_noise_and_after_a_change(condition, noise):
     """Medians of the last ten cycles at most 0.13 m/s; before averages began anew 0.13 to 0.17 m/s in closings."""

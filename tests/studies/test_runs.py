@@ -1,4 +1,4 @@
-"""The numpy code over many runs against the scalar kernel, run by run."""
+"""The steps of the study in one run against the kernel of the smoother."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 VARIANTS = [Variant(), Variant(0.0, 1.0), Variant(1.0, 0.0)]
 
 
-def columns(rows, run):
-    """Estimates of one run, (samples, entries)."""
-    return np.array([[float(np.broadcast_to(value, RUNS)[run]) for value in row] for row in rows])
+def alone(varied, run):
+    """The model of one run."""
+    return type(varied)(*(float(np.broadcast_to(value, RUNS)[run]) for value in varied))
 
 
-def assert_equal(rows, run, estimates, samples, states):
+def assert_equal(rows, estimates, samples, states):
     """Means and covariances of the uncertain states, in units of their size."""
-    found = columns(rows, run)
+    found = np.array([*rows])
     mean, cov = estimates.mean[samples], estimates.cov[samples][:, states][:, :, states]
     i, j = np.triu_indices(len(states))
     scale = np.outer(UNIT[states], UNIT[states])[i, j]
@@ -48,28 +48,28 @@ def test_filter_and_smoother_equal_the_scalar_kernel(study, variant, width, memo
     varied = perturbed(m, width * errors(3, 0, RUNS))
     current = s.current[:, None] + noise(3, 0, RUNS, s.time.size, 2e-3)
     estimator = Estimator(variant, TUNING, m)
-    found = [
-        (motion, [*smoothed(motion, s, varied, estimator)][::-1]) for motion in filtered(s, current, varied, estimator)
-    ]
     states = uncertain(variant, MOVING)
-    assert len(found) == 2
     for run in range(RUNS):
+        own = alone(varied, run)
+        motions = [*filtered(s, current[:, run].tolist(), own, estimator)]
+        found = [(motion, [*smoothed(motion, s, own, estimator)][::-1]) for motion in motions]
+        assert len(found) == 2
         par = filter_parameters(m, varied, run, TUNING, variant)
         expected = smooth_record(s.voltage, current[:, run], s.mode, par)
         for (motion, rows), operation in zip(found, expected.operations):
             assert (motion.first, motion.first + len(rows)) == (operation.first, operation.landed)
             samples = slice(operation.first, operation.landed)
-            assert_equal(motion.filtered, run, expected.filtered, samples, states)
-            assert_equal(rows, run, expected.smoothed, samples, states)
+            assert_equal(motion.filtered, expected.filtered, samples, states)
+            assert_equal(rows, expected.smoothed, samples, states)
 
 
 def test_open_loop_equals_a_plain_loop(study):
     s, m = study.samples, study.model
     relative = 0.1 * errors(3, 0, RUNS)
-    found = {k: [np.broadcast_to(value, RUNS) for value in row] for k, row in open_loop(s, perturbed(m, relative), m)}
     moving = np.flatnonzero(s.mode == MOVING)
-    assert sorted(found) == moving.tolist()
     for run in range(RUNS):
+        found = dict(open_loop(s, alone(perturbed(m, relative), run), m))
+        assert sorted(found) == moving.tolist()
         model = Textbook(m, relative[:, run], *gap_means(m))
         z, z_prev, lam = 1.0, 1.0, 0.0
         for k in range(1, moving[-1] + 1):
@@ -77,7 +77,7 @@ def test_open_loop_equals_a_plain_loop(study):
             lam += m.T_s * (s.voltage[k - 1] - m.R * model.current(z, lam))
             z, z_prev = {1.0: 0.0, 3.0: 1.0}.get(s.mode[k], min(max(after, 0.0), 1.0)), z
             if s.mode[k] == MOVING:
-                assert [row[run] for row in found[k]] == pytest.approx([z, z_prev, lam], rel=1e-9, abs=1e-12)
+                assert found[k] == pytest.approx([z, z_prev, lam], rel=1e-9, abs=1e-12)
 
 
 def test_record_without_a_complete_motion_gives_none(study):

@@ -18,19 +18,7 @@ from gapsense.kernels.derivative import derivative, jacobian, linearise
 from gapsense.kernels.elementary import exp, log, tanh
 from gapsense.kernels.emit import Python
 from gapsense.kernels.kernel import trace
-from gapsense.kernels.trace import (
-    TraceError,
-    cond,
-    fabs,
-    floor,
-    load,
-    locate,
-    loop,
-    sqrt,
-    square,
-    store,
-    where,
-)
+from gapsense.kernels.trace import TraceError, cond, fabs, floor, load, locate, loop, sqrt, square, store, where
 
 
 def slope(function: Callable[..., Any]) -> Callable[..., float]:

@@ -12,22 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from traced import (
-    Outputs,
-    Pair,
-    Parameters,
-    State,
-    compiled,
-    graph,
-    memory_step,
-    python_text,
-    run_c,
-    run_numpy,
-    run_python,
-)
+from traced import Outputs, Pair, Parameters, State, compiled, graph, memory_step, python_text, run_c, run_python
 
 from gapsense.kernels.elementary import exp, log, tanh
-from gapsense.kernels.emit import C, Numpy, Python
+from gapsense.kernels.emit import C, Python
 from gapsense.kernels.kernel import trace
 from gapsense.kernels.layout import Array, Memory, zeros
 from gapsense.kernels.trace import (
@@ -186,7 +174,7 @@ def test_infinite_constants_can_be_printed(tmp_path: Path) -> None:
     def function(a: Any, b: Any, c: Any) -> Any:
         return clip(a, -math.inf, b) + where(a > math.inf, math.nan, c)
 
-    for run in (run_python, run_numpy, lambda f, *v: run_c(f, tmp_path, *v)):
+    for run in (run_python, lambda f, *v: run_c(f, tmp_path, *v)):
         assert run(function, 3.0, 2.0, 1.0) == 3.0
 
 
@@ -199,17 +187,6 @@ def test_only_the_branch_taken_is_computed_in_scalar_code() -> None:
 
     assert run_python(function, 0.0, 1.0, 5.0) == 5.0
     assert run_python(function, 2.0, 1.0, 5.0) == 0.5
-    np.testing.assert_array_equal(run_numpy(function, [0.0, 2.0], [1.0, 1.0], [5.0, 5.0]), [5.0, 0.5])
-
-
-def test_batch_of_plain_numbers_survives_a_division_by_zero_in_a_branch_not_taken() -> None:
-    def function(a: Any, b: Any, c: Any) -> Any:
-        zero = cond(c > 9.0, lambda: a, lambda: 0.0)
-        return cond(a > 0.0, lambda: b / a, lambda: c) + cond(
-            zero > 0.0, lambda: c, lambda: b / (zero + zero) * 0.0 + 1.0
-        )
-
-    assert run_numpy(function, 2.0, 1.0, 10.0).item() == 10.5
 
 
 def test_branches_may_return_constants_outer_values_and_truth_values(tmp_path: Path) -> None:
@@ -221,21 +198,6 @@ def test_branches_may_return_constants_outer_values_and_truth_values(tmp_path: P
         expected = function(*values)
         assert run_python(function, *values) == expected
         assert run_c(function, tmp_path / str(values), *values) == expected
-        assert run_numpy(function, *values) == expected
-    columns = np.array([(6.0, 1.0, 2.0), (3.0, 1.0, 2.0), (1.0, 3.0, 2.0), (6.0, 1.0, -2.0)]).T
-    np.testing.assert_array_equal(run_numpy(function, *columns), [function(*v) for v in columns.T])
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_numpy_does_not_compute_a_branch_that_no_run_takes(sign: float) -> None:
-    def function(a: Any, b: Any, c: Any) -> Any:
-        return cond(b > 0.0, lambda: sqrt(b) + a, lambda: sqrt(-b) + c)
-
-    step = compiled(Numpy(graph(function)).source(), Numpy)
-    columns = [np.array([1.0, 2.0]), sign * np.array([3.0, 4.0]), np.array([5.0, 6.0])]
-    with np.errstate(all="raise"):  # as the root of a negative number would
-        (found,) = step(columns, 2)
-    np.testing.assert_array_equal(found, np.sqrt([3.0, 4.0]) + columns[0 if sign > 0.0 else 2])
 
 
 def test_a_branch_uses_what_the_function_has_computed_and_the_function_not_what_a_branch_has() -> None:
@@ -271,12 +233,6 @@ def test_loop_stops_where_it_should(a: float, tmp_path: Path) -> None:
     assert run_c(newton, tmp_path, a, 1e-9, 0.0) == expected
 
 
-def test_runs_of_a_batch_stop_each_for_itself() -> None:
-    a = np.array([2.0, 9.0, 1e-3, 1.0, 16.0])
-    found = run_numpy(newton, a, np.full(5, 1e-9), np.zeros(5))
-    np.testing.assert_array_equal(found, [newton(v, 1e-9, 0.0) for v in a])
-
-
 def test_loop_over_constants_only_is_unrolled() -> None:
     assert "for" not in python_text(lambda a, b, c: a * loop(5, lambda x: ((x * 2.0,), False), (1.0,))[0])
 
@@ -289,7 +245,6 @@ def test_loop_with_truth_value_as_state(tmp_path: Path) -> None:
     for values in ((0.0, 1.0, 2.5), (0.0, 1.0, 9.0)):
         expected = function(*values)
         assert run_python(function, *values) == run_c(function, tmp_path / str(values), *values) == expected
-        assert run_numpy(function, *values) == expected
 
 
 def test_loop_whose_variables_change_places_and_stops_by_what_they_were(tmp_path: Path) -> None:
@@ -355,17 +310,14 @@ def test_memory_is_read_and_written_in_order() -> None:
 
     g = trace(remember, {"state": State, "inputs": Inputs, "par": Parameters})
     scalar = compiled(Python(g).source().replace("def remember", "def step"))
-    batch = compiled(Numpy(g).source().replace("def remember", "def step"), Numpy)
     rng = random.Random(3)
     table = [0.0, 1.0, 3.0, 7.0]
-    own, one, many = zeros(5), zeros(5), np.zeros((5, 3))
+    own, one = zeros(5), zeros(5)
     for k in range(12):
         given = Inputs(rng.random(), float(k % 5), rng.uniform(-1.0, 9.0))
         expected = remember(State(own), given, Parameters(table))[1].y
         assert scalar((one,), given, (table,))[1][0] == expected
-        spread = [np.full(3, v) for v in given]
-        np.testing.assert_array_equal(batch((many,), spread, (np.array(table),), 3)[1][0], np.full(3, expected))
-        assert one == own and np.array_equal(many, np.repeat(np.array(own)[:, None], 3, axis=1))
+        assert one == own
 
 
 def test_memory_of_before_a_store_cannot_be_used_after_it() -> None:
@@ -389,19 +341,18 @@ def test_store_inside_branches_changes_the_memory_of_the_runs_that_take_them() -
         return State(memory), Outputs(load(memory, 0.0) + y * load(memory, 4.0))
 
     g = trace(step, {"state": State, "inputs": Inputs})
-    scalar, batch = compiled(Python(g).source()), compiled(Numpy(g).source(), Numpy)
+    scalar = compiled(Python(g).source())
     rng = np.random.default_rng(1)
-    own, one, many = [zeros(5) for _ in range(3)], [zeros(5) for _ in range(3)], np.zeros((5, 3))
+    own, one = [zeros(5) for _ in range(3)], [zeros(5) for _ in range(3)]
     for _ in range(40):
         runs = [Inputs(rng.random(), float(rng.integers(4)), rng.uniform(-1.0, 1.0)) for _ in range(3)]
         expected = [step(State(memory), given)[1].y for memory, given in zip(own, runs)]
         assert [scalar((memory,), given)[1][0] for memory, given in zip(one, runs)] == expected
-        assert batch((many,), [*map(np.array, zip(*runs))], 3)[1][0].tolist() == expected
-        assert own == one == many.T.tolist()
+        assert own == one
 
 
 def test_store_inside_a_loop_changes_the_memory_of_the_runs_that_are_in_it(tmp_path: Path) -> None:
-    """Branches and another loop in it too; in source, scalar Python, numpy over runs, and C."""
+    """Branches and another loop in it too; in source, scalar Python and C."""
     from traced import Inputs
 
     def step(state: State, inputs: Inputs) -> Any:
@@ -419,18 +370,16 @@ def test_store_inside_a_loop_changes_the_memory_of_the_runs_that_are_in_it(tmp_p
         return State(memory), Outputs(before + load(memory, 0.0) + 3.0 * load(memory, 2.0) + k)
 
     g = trace(step, {"state": State, "inputs": Inputs})
-    scalar, batch = compiled(Python(g).source()), compiled(Numpy(g).source(), Numpy)
+    scalar = compiled(Python(g).source())
     native = memory_step(g, tmp_path)
     rng = np.random.default_rng(1)
     own, one, other = ([zeros(5) for _ in range(3)] for _ in range(3))
-    many = np.zeros((5, 3))
     for _ in range(30):
         runs = [Inputs(rng.random(), float(rng.integers(4)), rng.uniform(-1.0, 1.0)) for _ in range(3)]
         expected = [step(State(memory), given)[1].y for memory, given in zip(own, runs)]
         assert [scalar((memory,), given)[1][0] for memory, given in zip(one, runs)] == expected
         assert [native(memory, given) for memory, given in zip(other, runs)] == expected
-        assert batch((many,), [*map(np.array, zip(*runs))], 3)[1][0].tolist() == expected
-        assert own == one == other == many.T.tolist()
+        assert own == one == other
 
 
 def test_store_inside_a_loop_to_memory_that_is_not_its_own_is_refused() -> None:
@@ -537,17 +486,6 @@ def test_random_graphs_give_the_same_bits_in_source_python_and_c(
     expected = function(*values)
     assert same(run_python(function, *values), expected)
     assert same(run_c(function, tmp_path_factory.mktemp("c"), *values), expected)
-
-
-@settings(max_examples=150, suppress_health_check=list(HealthCheck))
-@given(TREES, st.lists(st.tuples(*3 * [st.floats(-3.0, 3.0)]), min_size=3, max_size=3))
-def test_random_graphs_over_runs_equal_single_runs(tree: Any, rows: list[tuple[float, float, float]]) -> None:
-    def function(a: Any, b: Any, c: Any) -> Any:
-        return evaluate(tree, {"a": a, "b": b, "c": c}) + 0.0 * a
-
-    found = np.broadcast_to(run_numpy(function, *np.array(rows).T), 3)
-    step = compiled(python_text(function))
-    assert all(same(float(value), step(row)[0]) for row, value in zip(rows, found))
 
 
 def test_c_signature_is_the_same_for_every_kernel() -> None:

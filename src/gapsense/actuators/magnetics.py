@@ -107,11 +107,7 @@ def gap_near(h: Scalar, gap: SmoothGap) -> LocalGap:
     Where a step passes a row of the table it goes on with the polynomial before: up to the second derivative there is
     no difference.  The error is of order 4 in the step, and in the actuator of [RTS] below that of a table of 29 rows.
     """
-    piece = cond(
-        gap.is_table,
-        lambda: spline_piece(h, gap.knots, gap.reluctance, gap.curvature),
-        lambda: blank(Cubic),
-    )
+    piece = cond(gap.is_table, lambda: spline_piece(h, gap.knots, gap.reluctance, gap.curvature), lambda: blank(Cubic))
     return LocalGap(gap, piece)
 
 

@@ -15,7 +15,7 @@ from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
 from gapsense.control.tracking import place, planned
-from gapsense.estimators.gap import gap
+from gapsense.estimators.mhe.model import gap
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where, where_each
 

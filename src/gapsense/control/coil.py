@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.records import Coil, Inputs, Parameters
-from gapsense.estimators.gap import gap, make_gap
+from gapsense.estimators.mhe.model import gap, make_gap
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Scalar, blank
 from gapsense.kernels.trace import clip, fabs, not_, sqrt, square, where

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from gapsense.estimators.gap import Gap, gap, make_gap
+from gapsense.estimators.mhe.model import Gap, gap, make_gap
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.layout import Array, Scalar, Vector, blank
 from gapsense.kernels.linalg import vector

@@ -255,14 +255,7 @@ def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs:
     is_inside = not_(power_circuit.is_over(then.gates.age_a, dt))
     is_steady = (then.path == at.path) & (fabs(then.path) > 0.0) & not_(is_inside)
     state = State(
-        at,
-        command,
-        step=dt,
-        held=held,
-        began=m,
-        inside=flag(is_inside),
-        steady=flag(is_steady),
-        learnt=learnt,
+        at, command, step=dt, held=held, began=m, inside=flag(is_inside), steady=flag(is_steady), learnt=learnt
     )
     return state, outputs
 

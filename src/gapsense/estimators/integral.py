@@ -127,7 +127,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         quality=0.0,
         published=1.0 - par.offline,
         published_time=inputs.time,
-        **found._asdict(),
+        **readings.worse(found, readings.UNLEARNT, 1.0)._asdict(),
     )
 
 
@@ -148,7 +148,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     offline = _estimates(_replayed(state, par), state.resistance, par)
     is_offline = par.offline > 0.0
     outputs = where_each(is_offline, offline, online)
-    return state, outputs._replace(**found._asdict())
+    is_unlearnt = state.resistance == par.prior_resistance
+    return state, outputs._replace(**readings.worse(found, readings.UNLEARNT, where(is_unlearnt, 1.0, 0.0))._asdict())
 
 
 def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar, readings.Health]:

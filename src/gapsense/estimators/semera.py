@@ -20,6 +20,7 @@ from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
 from gapsense.kernels.linalg import deviation, diagonal, matrix, vector
 from gapsense.kernels.trace import cond, fabs, not_, square, where
 
+CERTAIN = 5e-3  # of the resistance, that its standard deviation may be; with more the device is not learnt yet
 AWAKENING = 10.0  # samples in a row outside the noise band that make an operation; noise of a small offset never does
 
 
@@ -145,9 +146,9 @@ def sample(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[S
         lambda: _held(state, i, par, form),
         lambda: _filtered(state, Inputs(inputs.voltage, i), par, form),
     )
-    return after._replace(current=i, lost=where(is_lost, 1.0, 0.0)), outputs._replace(
-        **readings.health({readings.LOST: is_lost})._asdict()
-    )
+    is_unlearnt = outputs.resistance_std > CERTAIN * par.prior_resistance
+    told = readings.health({readings.LOST: is_lost, readings.UNLEARNT: is_unlearnt})
+    return after._replace(current=i, lost=where(is_lost, 1.0, 0.0)), outputs._replace(**told._asdict())
 
 
 def _held(state: State, i: Scalar, par: Parameters, form: Form) -> tuple[State, Outputs]:

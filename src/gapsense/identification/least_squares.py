@@ -22,7 +22,6 @@ Matrix = npt.NDArray[np.float64]
 STEP = 1e-5  # of a difference quotient, of a logarithm
 DAMPINGS = ((0.0, 0.01, 0.1, 1.0, 10.0, 100.0, 1e3), (1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10))  # the second if need be
 NEGLIGIBLE = 1e-12  # eigenvalue, relative to the largest, of a direction without effect
-FEW = 24  # models that scalar Python steps faster than numpy
 FAR = 1e3  # residual of what is no device
 
 
@@ -55,7 +54,7 @@ class Minimum(NamedTuple):
 
 def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix) -> Matrix:
     """Currents of several models with inputs of their own (samples, inputs, models); (models, samples)."""
-    if not is_compiled(kernel, len(inputs), ("current",)) and len(pars) <= FEW:
+    if not is_compiled(kernel, len(inputs), ("current",)):
         place = kernel.module.Outputs._fields.index("current")
         runs = [kernel.run(inputs[:, :, k].tolist(), par)[1] for k, par in enumerate(pars)]
         return np.array([[row[place] for row in run] for run in runs])
@@ -66,8 +65,8 @@ def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix) -> Matrix:
 def differences(values: Callable[[list[Vector]], Matrix], x: Vector, high: Vector | float = np.inf) -> Matrix:
     """Derivatives of values (points, n) at a point by difference quotients, within the highest point; (n, x.size)."""
     steps = np.where(x + STEP > high, -STEP, STEP)
-    at, *others = values([x, *(x + np.diag(steps))])
-    return np.array([(other - at) / step for other, step in zip(others, steps)]).T
+    found = values([x, *(x + np.diag(steps))])
+    return np.asarray(((found[1:] - found[0]) / steps[:, None]).T)
 
 
 def finite(x: Vector) -> Vector:

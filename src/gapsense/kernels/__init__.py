@@ -1,1 +1,1 @@
-"""What kernels are written in, and what is made of them: code in three languages, many runs at once."""
+"""What kernels are written in, and what is made of them: code in Python and C, many runs at once."""

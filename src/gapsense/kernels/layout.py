@@ -8,10 +8,10 @@ the upper triangle.  The fields of a record within a record keep their names, wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import EnumMeta, IntEnum
 from functools import cache, partial
-from itertools import islice, repeat
+from itertools import islice
 from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 import numpy as np
@@ -145,16 +145,29 @@ def flat(value: Any) -> list[Any]:
     if _is_plain(cls):
         return [*value]
     entries: list[Any] = []
-    for field, item in zip(_layout(cls).values(), value):
-        if _is_record(field):
-            entries += flat(item)
-        elif field.kind == "vector":
-            entries += list(item)
-        elif field.kind == "covariance":
-            entries += [item[i, j] for i, j in triangle(field.size)]
-        else:
-            entries.append(item)
+    for flattened, item in zip(_flatteners(cls), value):
+        entries += flattened(item)
     return entries
+
+
+@cache
+def _flatteners(cls: Any) -> list[Callable[[Any], Sequence[Any]]]:
+    """Of every field what makes entries of it."""
+    return [flat if _is_record(at) else _flattener(at) for at in _layout(cls).values()]
+
+
+def _flattener(at: Field) -> Callable[[Any], Sequence[Any]]:
+    if at.kind == "covariance":
+        return partial(_upper, np.triu_indices(at.size))
+    return list if at.kind == "vector" else _alone
+
+
+def _upper(places: Any, P: Any) -> Sequence[Any]:
+    return P[places].tolist()  # type: ignore[no-any-return]
+
+
+def _alone(item: Any) -> Sequence[Any]:
+    return (item,)
 
 
 def record(cls: Any, entries: Iterable[Any]) -> Any:
@@ -162,18 +175,34 @@ def record(cls: Any, entries: Iterable[Any]) -> Any:
     rest = iter(entries)
     if _is_plain(cls):
         return cls(*islice(rest, len(cls._fields)))
-    return cls(*(record(at, rest) if _is_record(at) else _take(at, rest) for at in _layout(cls).values()))
+    return cls(*(taken(rest) for taken in _takers(cls)))
 
 
-def _take(field: Field, rest: Iterator[Any]) -> Any:
-    if field.kind == "vector":
-        return np.array([next(rest) for _ in range(field.size)], dtype=object)
-    if field.kind == "covariance":
-        P = np.empty((field.size, field.size), dtype=object)
-        for i, j in triangle(field.size):
-            P[i, j] = P[j, i] = next(rest)
-        return P
-    return next(rest)
+@cache
+def _takers(cls: Any) -> list[Callable[[Iterator[Any]], Any]]:
+    """Of every field what takes its entries from those that are left."""
+    return [partial(record, at) if _is_record(at) else _taker(at) for at in _layout(cls).values()]
+
+
+def _taker(at: Field) -> Callable[[Iterator[Any]], Any]:
+    if at.kind == "covariance":
+        return partial(_symmetric, _square(at.size))
+    return partial(_vector, at.size) if at.kind == "vector" else next
+
+
+def _vector(size: int, rest: Iterator[Any]) -> Any:
+    return np.array([*islice(rest, size)], dtype=object)
+
+
+def _square(size: int) -> Any:
+    """Of every place of a covariance that in its upper triangle (size, size)."""
+    places = np.zeros((size, size), int)
+    places[np.triu_indices(size)] = range(len(triangle(size)))
+    return np.triu(places) + np.triu(places, 1).T
+
+
+def _symmetric(places: Any, rest: Iterator[Any]) -> Any:
+    return _vector(int(places.max()) + 1, rest)[places]
 
 
 def zeros(size: int) -> list[float]:
@@ -189,7 +218,9 @@ def blank(cls: Callable[..., T], **given: Any) -> T:
 def _zero(at: Any) -> Any:
     if _is_record(at):
         return blank(at)
-    return zeros(at.size) if at.kind == "memory" else _take(at, repeat(0.0))
+    if at.kind in ("vector", "covariance"):
+        return np.full((at.size,) * (1 + (at.kind == "covariance")), 0.0, dtype=object)
+    return zeros(at.size) if at.kind == "memory" else 0.0
 
 
 def flatten(value: Any) -> list[Any]:

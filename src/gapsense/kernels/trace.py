@@ -2,7 +2,7 @@
 
 A kernel runs on Python floats as it stands.  Run on `Expr` values (in numpy object arrays where it uses matrices) the
 same lines record what they compute: matrix products unroll, structural zeros and ones vanish, common subexpressions are
-shared.  `emit` prints the graph as scalar Python, numpy code over N runs, or C99.  The order of operations is kept:
+shared.  `emit` prints the graph as scalar Python, C over many runs, or C99.  The order of operations is kept:
 source, scalar Python and C give the same bits, but for the sign of a zero and for operands that are not finite.
 
 Rules for kernels: arithmetic, comparisons, `& | not_`, the operations below, and those of `elementary`; no `if` on data

@@ -13,7 +13,7 @@ from gapsense.many.result import Campaign
 from gapsense.many.summary import Cloud
 from gapsense.problems import InputError, suggest
 from gapsense.report.distributions import Bars, Distributions, Points
-from gapsense.report.table import add_row, quantity, table
+from gapsense.report.table import add_row, prefixed, quantity, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -84,17 +84,25 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
         bins, counts = found.alone(metric)
         row[0].stairs(counts, bins, orientation="horizontal", fill=True, color=plot.FAINT)
         row[0].set_axisbelow(True)
-        row[0].set_ylabel(labelled(campaign, metric))
+        scale(row[0].yaxis, campaign, metric)
         for axis, factor in zip(row[1:], factors):
             over = found.over(metric, factor)
             if isinstance(over, Bars):
                 bars(axis, over)
-            elif isinstance(over, Points):
+                axis.margins(x=0.05)
+                axis.set_xlabel(labelled(factor, campaign.units.get(factor, "")))
+                continue
+            if isinstance(over, Points):
                 axis.plot(campaign.column(factor), campaign.column(metric), ".", color=plot.FIRST, markersize=3)
             else:
                 density(axis, over)
+            axis.locator_params(axis="x", nbins=3)
+            axis.tick_params(axis="x", labelsize="small")
+            scale(axis.xaxis, campaign, factor)
     for axis, name in zip(axes[-1], ("runs", *factors)):
-        axis.set_xlabel(name if name == "runs" else labelled(campaign, name), fontsize="small")
+        axis.set_xlabel(axis.get_xlabel() or name, fontsize="small")
+    for axis in axes[:-1].flat:
+        axis.set_xlabel("")
     return made
 
 
@@ -105,9 +113,16 @@ def chosen(names: Sequence[str], known: Sequence[str], what: str) -> list[str]:
     return list(names or known[:PANELS])
 
 
-def labelled(campaign: Campaign, name: str) -> str:
+def scale(axis: Any, campaign: Campaign, name: str) -> None:
+    """Label an axis, and the numbers along it, in the unit with the prefix that suits the largest value."""
+    values = campaign.column(name)
+    factor, unit = prefixed(float(np.nanmax(np.abs(values), initial=0.0)), campaign.units.get(name, ""))
+    axis.set_label_text(labelled(name, unit))
+    axis.set_major_formatter(lambda value, _: f"{value / factor:.6g}")
+
+
+def labelled(name: str, unit: str) -> str:
     """Label of an axis."""
-    unit = campaign.units.get(name, "")
     return f"{name}\n/ {unit}" if unit not in ("", "1") else name
 
 

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.gap import gap
 from gapsense.estimators.kalman import Gaussian, condition, predict
 from gapsense.estimators.mhe.model import (
     Bouncing,
@@ -25,6 +24,7 @@ from gapsense.estimators.mhe.model import (
     device,
     electric,
     gain,
+    gap,
     is_between,
     is_resting,
     mean_of,
@@ -396,10 +396,7 @@ def _follow(
 ) -> tuple[Array, Array]:
     """The next `Point`, by the model (1) to (3) or with the current fed back (10), and the covariance of the latter."""
     reading = Reading(
-        voltage=now.voltage,
-        current=now.current,
-        counts=now.has_current & not_(now.is_edge),
-        variance=1.0 / weight(par),
+        voltage=now.voltage, current=now.current, counts=now.has_current & not_(now.is_edge), variance=1.0 / weight(par)
     )
 
     def open_loop() -> tuple[Array, Array]:

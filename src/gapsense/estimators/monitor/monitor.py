@@ -71,9 +71,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         usually=blank(Usual),
         operation=_begin(inputs, 0.0)._replace(is_commanded=0.0),
         course=blank(
-            Course,
-            verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning),
-            sound=values,
+            Course, verdict=where(baseline.taught >= par.learn_windows, Verdict.healthy, Verdict.learning), sound=values
         ),
         learnt=Learnt(
             solved=inputs.windows, values=values, quick=values, slow=values, wandering=vector([1.0] * VALUES)

@@ -10,15 +10,7 @@ import numpy as np
 
 from gapsense.estimators.mhe.model import Parameters
 from gapsense.identification.actuator.drive import Excitation, read_excitation
-from gapsense.identification.actuator.fit import (
-    BESIDE,
-    ENOUGH,
-    LONGEST,
-    Problem,
-    is_fitted,
-    simulate,
-    with_bend,
-)
+from gapsense.identification.actuator.fit import BESIDE, ENOUGH, LONGEST, Problem, is_fitted, simulate, with_bend
 from gapsense.identification.least_squares import Vector, minimise, rms
 from gapsense.identification.measurements.operations import starts
 from gapsense.identification.measurements.record import Record, between

@@ -23,8 +23,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from gapsense._os.workers import Progress
-from gapsense.estimators.gap import gap_law, make_gap
-from gapsense.estimators.mhe.model import Parameters, device
+from gapsense.estimators.mhe.model import Parameters, device, gap_law, make_gap
 from gapsense.estimators.reduced_model import SMALLEST_GAP, GapLaw
 from gapsense.identification.actuator import kernel as simulated
 from gapsense.identification.actuator.drive import ALIKE, LEFT, Excitation, read_excitation

@@ -218,13 +218,7 @@ def law_rows(m: Models) -> dict[str, Vector]:
     return rows(law._replace(offset=0.0 if m.reduced.form == "bent" else law.offset), float(m.map.gap[-1]))
 
 
-def write_fem(
-    file: Path,
-    m: Models,
-    given: Mapping[str, Value],
-    origin: str,
-    assumed: Sequence[str],
-) -> list[Path]:
+def write_fem(file: Path, m: Models, given: Mapping[str, Value], origin: str, assumed: Sequence[str]) -> list[Path]:
     """Write a parameter set for plant and estimators, the gap law of these and the map of that; the files beside it."""
     gap = write_table(file.with_name(f"{file.stem}_law.csv"), law_rows(m))
     columns = {

@@ -7,7 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gapsense.identification.measurements.checks import begins_at_rest, clipping, operation_problems, rest_problems
+from gapsense.identification.measurements.checks import (
+    begins_at_rest,
+    clipping,
+    operation_problems,
+    rest_problems,
+    slow_problems,
+)
 from gapsense.identification.measurements.operations import (
     Operation,
     activities,
@@ -296,6 +302,7 @@ class Facts(NamedTuple):
     lag: Lag | None  # of the current behind the voltage
     clipped: list[str]  # what is told of signals at the limits of their converters
     is_from_rest: bool  # no current flows before the first operation
+    slow: list[str]  # why its times cannot be seconds
     unready: list[str]  # why no model can begin with the record
     unfinished: list[str]  # why `identify` finds no operation in it
 
@@ -324,6 +331,7 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
         lag=lag(record, found),
         clipped=[] if may_clip else [text for name in raw for text in clipping(measured, name)],
         is_from_rest=begins_at_rest(record),
+        slow=[*slow_problems(record, record.name)],
         unready=unready,
         unfinished=[] if unready else [*operation_problems(record, record.name, period)],
     )

@@ -277,7 +277,7 @@ def describe_kinks(found: Facts, kinks: list[Kink | None]) -> str:
     begin = begun * found.dt + found.first
     many = f"in {sum(map(bool, kinks))} of {len(kinks)}: " if len(kinks) > 1 else ""
     return (
-        f"{many}from {1e3 * (one.begin - begin):.3g} ms to {1e3 * (one.end - begin):.3g} ms after the operation begins,"
+        f"{many}from {quantity(one.begin - begin, 's')} to {quantity(one.end - begin, 's')} after the operation begins,"
         f" {one.samples} samples"
     )
 
@@ -291,7 +291,7 @@ def uses(found: Facts, has_motion: bool, impaired: int) -> list[Item]:
     if not has_motion:
         whole, begun = (use if use[0] == NO else (CARE, UNMOVED) for use in (whole, begun))
     flowing = ready if found.is_from_rest else (CARE, "no value is valid before the current has decayed once")
-    flowing = flowing if found.pulses or found.begun else begun
+    flowing = flowing if (found.pulses or found.begun) and not found.slow else begun
     return [Item(name, *use) for name, use in zip(USES, (whole, begun, flowing))]
 
 

@@ -163,7 +163,7 @@ def rest_problems(record: Record, file: str) -> Iterator[str]:
         where = f"{file}: no current flows{_spike(record)}"
         yield f"{where}, so that nothing operates. Record at least one operation, from rest on."
         return
-    yield from _slow(record, file, found[0])
+    yield from slow_problems(record, file)
     i, limit = float(record.current[: found[0] + 1].mean()), _largest_at_rest(record)
     if not begins_at_rest(record):
         place = f"{file}, row {record.rows[0]} to {record.rows[found[0]]}"
@@ -215,10 +215,11 @@ def operation_problems(record: Record, file: str, period: float | None) -> Itera
     yield from _reversed(record, file, found)
 
 
-def _slow(record: Record, file: str, start: int) -> Iterator[str]:
+def slow_problems(record: Record, file: str) -> Iterator[str]:
     """A current that takes seconds to rise: the times have another unit."""
     i = np.abs(record.current)
-    rise = float(record.times[int(np.argmax(i > 0.5 * i.max()))] - record.times[start])
+    begun = starts(record)[:1] or [0]
+    rise = float(record.times[int(np.argmax(i > 0.5 * i.max()))] - record.times[begun[0]])
     if rise > LONGEST_RISE or record.dt > LONGEST_STEP:
         yield (
             f"{file}: `current` takes {rise:.3g} s to rise to half of its largest value, in steps of {record.dt:.3g} s;"

@@ -174,9 +174,12 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
     if all(is_number(cell, how.decimal) for cell in header):
         problems.append(f"{head}: numbers found, the names of the columns expected. {HEADS}")
         return Columns(file, np.array([], dtype=int), {})
-    if split := [*_too_long(file, lines[1:], len(header))][:SHOWN]:  # nothing is in its column then
-        problems += split
-        return Columns(file, np.array([], dtype=int), {})
+    if split := [*_too_long(file, lines[1:], len(header))]:
+        problems += split[:SHOWN]
+        whole = [line for line in lines if len(line.cells) <= len(header)]
+        if len(whole) <= len(split):  # nothing is in its column then
+            return Columns(file, np.array([], dtype=int), {})
+        lines = whole
     matches = [(k, match) for k, match in enumerate(map(HEADER.fullmatch, header)) if match]
     columns = {match[1].lower(): (k, match[2]) for k, match in matches}
     values: dict[str, Vector] = {}
@@ -196,6 +199,8 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
                 values[name] = _mean(values[name], written, len(lines) - 1)
         elif name in NEEDED or name in how.names:
             problems.append(_missing(head, name, column, list(columns)))
+    if split:  # a row is missing, which is no gap of the times
+        return Columns(file, np.array([], dtype=int), {})
     return Columns(file, np.array([line.number for line in lines[1:]], dtype=int), values)
 
 

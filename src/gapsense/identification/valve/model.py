@@ -314,7 +314,7 @@ def simulate_currents(pars: Sequence[Device], experiment: Experiment) -> list[Ve
 
 
 def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Response]:
-    """What is fitted of each model; one after the other in scalar Python, where numpy would be slower."""
+    """What is fitted of each model; one after the other in scalar Python where no compiler is."""
     filters = [filters_of(par, experiment.dt, experiment.filtered) for par in pars]
     if any(filters):
         halves, R = _single(experiment.halves), experiment.resistance.repeat(2)
@@ -331,8 +331,10 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
     if recorded.library is None:
         models = [simulate_experiment(par, experiment) for par in pars]
         return [Response(model.current, model.position if with_position else None) for model in models]
-    columns: dict[str, Any] = dict(zip(columns_of(kernel), zip(*map(flat, pars))))
-    columns = {name: np.transpose(v) if isinstance(v[0], list) else [v] for name, v in columns.items()}
+    entries = [*zip(*map(flat, pars))]  # each of all models
+    numbers = iter(np.array([v for v in entries if not isinstance(v[0], list)], float)[:, None])
+    given = (np.transpose(v) if isinstance(v[0], list) else next(numbers) for v in entries)
+    columns: dict[str, Any] = dict(zip(columns_of(kernel), given))
     made, count = recorded.run(len(pars), **columns | drive.columns).T, R.size
     currents = [run[:count] + more for run, more in zip(made, at_edges(pars, drive.course, R))]
     return [Response(i, run[count:] if with_position else None) for i, run in zip(currents, made)]

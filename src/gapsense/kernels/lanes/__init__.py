@@ -1,4 +1,4 @@
-"""Functions and kernels over many runs at once: in C if there is a compiler, else by numpy.
+"""Functions and kernels over many runs at once: in C if there is a compiler, else one by one in Python.
 
 Each run has the bits of scalar Python alone. They do not depend on the other runs, nor on the processor's vectors.
 """

@@ -2,9 +2,8 @@
 
 A row has an entry for each number of a record. An entry has a number for each run, or one for all of them.
 
-What a `Code` does depends on what it is given. Arrays are computed at once, by numpy; plain numbers, of a single run,
-in scalar Python. The values of a `Record` stand for numbers of runs that come later: the call is recorded. The plain
-Python around it runs now and never again, with its loops over samples.
+A `Code` computes plain numbers, of a single run, in scalar Python. The values of a `Record` stand for numbers of runs
+that come later: the call is recorded. The plain Python around it runs now and never again, with its loops over samples.
 """
 
 from __future__ import annotations
@@ -16,14 +15,13 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.kernels.emit import Graph, Lanes, Numpy, compiled
+from gapsense.kernels.emit import Graph, Lanes, compiled
 from gapsense.kernels.emit.c import held
 
 Row: TypeAlias = tuple[Any, ...]
 # Of a result: the argument that it is, as array memory and tables stay where they are; zeros of new memory; or a call.
 Origin: TypeAlias = "int | list[float] | None"
 NUMBERS = "numbers"  # the column of plain numbers, the same for all runs
-ONE = (float, int, list)  # what an entry is if there is one run only
 WHOLE = -1  # in place of a row: all numbers of a column, which are array memory or a table
 
 
@@ -89,11 +87,6 @@ class Code:
         return compiled(self.graph)
 
     @cached_property
-    def numpy(self) -> Callable[..., Any]:
-        """The same as numpy code; `runs` comes behind the rows."""
-        return compiled(self.graph, Numpy)
-
-    @cached_property
     def c(self) -> InC:
         """The same as C, of the function `NAME`."""
         printer = Lanes(self.graph._replace(name="NAME"))
@@ -103,12 +96,7 @@ class Code:
         """The results for some rows."""
         entries = [entry for row in rows for entry in row]
         record = next((entry.record for entry in entries if isinstance(entry, Value)), None)
-        if record:
-            return self._recorded(record, entries)
-        if all(isinstance(entry, ONE) for entry in entries):
-            return self.python(*rows)
-        with np.errstate(all="ignore"):  # both branches of a condition may be computed, and one may be meaningless
-            return self.numpy(*rows, 0)
+        return self._recorded(record, entries) if record else self.python(*rows)
 
     def _recorded(self, record: Record, entries: Sequence[Any]) -> Any:
         taken, made = [record.value(entry) for entry in entries], list[Value]()

@@ -58,7 +58,7 @@ def stepped(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[s
 
 
 def is_compiled(kernel: Kernel, samples: int, outputs: Sequence[str] = ()) -> bool:
-    """Whether `stepped` has C for this; for a few runs scalar Python is faster than numpy."""
+    """Whether `stepped` has C for this; without it `Kernel.run` is faster."""
     return plan_of(kernel, samples, (*outputs,)).library is not None
 
 

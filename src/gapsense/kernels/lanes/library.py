@@ -44,7 +44,7 @@ own_folder = cache(temporary_folder)  # of this process
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 ELSEWHERE = f"Nothing is kept there, so each process compiles again. `{CACHE}` can name another folder."
 INSTEAD = (
-    "Python computes instead, ten times slower or more, with the same bits; `pip install ziglang` brings a compiler."
+    "Python computes instead, 10 to 1000 times slower, with the same bits; `pip install ziglang` brings a compiler."
 )
 
 

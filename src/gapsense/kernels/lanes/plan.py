@@ -1,9 +1,10 @@
-"""Many calls over runs that are done in one go: in C a few runs after the other, without a compiler by numpy."""
+"""Many calls over runs that are done in one go: in C a few runs at once, without a compiler one by one in Python."""
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from enum import Enum
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,6 +15,7 @@ import numpy.typing as npt
 from gapsense.kernels.emit.lanes import is_array
 from gapsense.kernels.lanes.code import NUMBERS, WHOLE, Code, Record, Value
 from gapsense.kernels.lanes.library import HERE, address, addresses, loaded, with_types
+from gapsense.kernels.layout import ARRAYS
 
 TAKE, KEEP, OWN = 0, 1, 2  # functions: a number from a column, a number into a column, the first one that is recorded
 KEPT = "kept"  # the column of results
@@ -29,8 +31,16 @@ class Column(ctypes.Structure):
 
 
 def columns_in_c(arrays: Sequence[Floats]) -> ctypes.Array[Column]:
-    """Arrays as C takes them; `ctypes.data` would take twice as long."""
-    return (Column * len(arrays))(*(Column(a.__array_interface__["data"][0], *a.strides, len(a)) for a in arrays))
+    """Arrays (numbers, runs) as C takes them; all runs share those of the shape (numbers,) or (numbers, 1).
+
+    `ctypes.data` would take twice as long, and to broadcast what is shared ten times.
+    """
+    kind = Column * len(arrays)
+    return kind(*(Column(a.__array_interface__["data"][0], *_strides(a), len(a)) for a in arrays))
+
+
+def _strides(array: Floats) -> tuple[int, int]:
+    return array.strides[0], array.strides[1] if array.ndim > 1 and array.shape[1] > 1 else 0
 
 
 class Array(Enum):
@@ -49,7 +59,7 @@ class Plan:
 
     @cached_property
     def library(self) -> ctypes.CDLL | None:
-        """What calls the compiled functions; None if numpy has to do."""
+        """What calls the compiled functions; None if Python has to do."""
         caller = loaded(with_types((HERE / "run.c").read_text(encoding="utf-8")))
         return caller if caller and self._addresses is not None else None
 
@@ -66,6 +76,10 @@ class Plan:
         return kind(*own, *(self._addresses or ())), kind(*[None] * OWN, *constants)
 
     @cached_property
+    def _tables(self) -> dict[str, Floats]:
+        return {name: np.array(table, float) for name, table in self.record.tables.items()}
+
+    @cached_property
     def _words(self) -> npt.NDArray[np.int32]:
         return np.array(self.program.words(), np.int32)
 
@@ -78,23 +92,19 @@ class Plan:
         if self.library:
             self._in_c(self.library, runs, arrays)
         else:
-            for part in self._parts(runs, arrays):
-                self._by_numpy([array[:, part] for array in arrays])
+            every = [_of_all_runs(array, runs) for array in arrays[:-1]]
+            for run in range(runs):
+                self._in_python([array[:, run].tolist() for array in every], arrays[-1][:, run])
         return arrays[-1]
-
-    def _parts(self, runs: int, arrays: list[Floats]) -> list[slice]:
-        """The runs that numpy can do together: all, or each for itself if they have tables of their own."""
-        tables = [a for name, a in zip(self.program.columns, arrays) if self.given.get(name) is Array.TABLE]
-        return [slice(k, k + 1) for k in range(runs)] if any(a.strides[1] for a in tables) else [slice(None)]
 
     def _columns(self, runs: int, given: Mapping[str, Any]) -> list[Floats]:
         if given.keys() != self.given.keys():
             raise ValueError(f"columns {', '.join(given)} found, {', '.join(self.given)} expected. Correct them.")
         made = {name: _checked(name, self.given[name], value, runs) for name, value in given.items()}
-        made |= {NUMBERS: self.numbers, **self.record.tables}
+        made |= {NUMBERS: self.numbers, **self._tables}
         made |= {name: np.zeros((size, runs)) for name, size in self.record.memories.items()}
-        made[KEPT] = np.empty((len(self.kept), runs))
-        return [_of_all_runs(np.asarray(made[name], float), runs) for name in self.program.columns]
+        made[KEPT] = np.full((len(self.kept), runs), np.nan)
+        return [made[name] for name in self.program.columns]
 
     def _in_c(self, library: ctypes.CDLL, runs: int, arrays: list[Floats]) -> None:
         words, (functions, numbers) = self._words, self._called
@@ -104,16 +114,17 @@ class Plan:
         first, last, length = map(ctypes.c_ssize_t, (0, runs, words.size))
         library.run(places[0], length, columns, functions, numbers, places[1], first, last)
 
-    def _by_numpy(self, arrays: list[Floats]) -> None:
+    def _in_python(self, columns: list[list[float]], kept: Floats) -> None:
+        """One run; after an error of Python, where C goes on with infinity or NaN, what would be kept is NaN."""
         values: list[Any] = [None] * self.program.room
-        with np.errstate(all="ignore"):  # as in `Code`
+        with suppress(ArithmeticError, ValueError):
             for function, at in self.program.steps:
                 if function == TAKE:
-                    values[at[2]] = _number(arrays[at[0]], at[1])
+                    values[at[2]] = columns[at[0]][at[1]]
                 elif function == KEEP:
-                    arrays[at[0]][at[1]] = values[at[2]]
+                    kept[at[1]] = values[at[2]]
                 else:
-                    _call(self.program.codes[function - OWN], at, values, arrays)
+                    _call(self.program.codes[function - OWN], at, values, columns)
 
 
 def plan(function: Callable[..., Sequence[Any]], /, **given: int | Array) -> Plan:
@@ -140,7 +151,8 @@ def _values(record: Record, name: str, size: int | Array) -> Any:
 
 def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
     """A column of the right shape."""
-    array = np.atleast_1d(np.asarray(value, float))
+    is_ready = isinstance(value, np.ndarray) and value.dtype == np.float64 and value.ndim
+    array: Any = value if is_ready else np.atleast_1d(np.asarray(value, float))
     n = len(array) if isinstance(size, Array) else size
     shapes = [(n,), (n, 1), (n, runs)]
     if array.shape not in shapes:
@@ -155,27 +167,14 @@ def _of_all_runs(array: Floats, runs: int) -> Floats:
     return np.broadcast_to(array[:, None] if array.ndim == 1 else array, (len(array), runs))
 
 
-def _number(array: Floats, row: int) -> Any:
-    """A number of each run, or one for all."""
-    return array[row] if array.strides[1] else array[row, 0]
-
-
-def _call(code: Code, at: Sequence[int], values: list[Any], arrays: list[Floats]) -> None:
-    """Do a recorded call by numpy."""
-    entries = [_entry(symbol.extra, place, values, arrays) for symbol, place in zip(code.symbols, at)]
-    rest = iter(entries)
-    made = code.numpy(*([next(rest) for _ in range(size)] for size in code.sizes), arrays[-1].shape[1])
-    results = made if len(code.graph.results) > 1 else (made,)
-    numbers = (
-        v for row, (_, entries) in zip(results, code.graph.results) for v, e in zip(row, entries) if not is_array(e)
-    )
-    for place, value in zip(at[len(entries) :], numbers):
+def _call(code: Code, at: Sequence[int], values: list[Any], columns: list[list[float]]) -> None:
+    """Do a recorded call for one run."""
+    rest = iter([(columns if s.extra in ARRAYS else values)[place] for s, place in zip(code.symbols, at)])
+    made = code.python(*([next(rest) for _ in range(size)] for size in code.sizes))
+    results = zip(made if len(code.graph.results) > 1 else (made,), code.graph.results)
+    numbers = (value for row, (_, entries) in results for value, e in zip(row, entries) if not is_array(e))
+    for place, value in zip(at[len(code.symbols) :], numbers):
         values[place] = value
-
-
-def _entry(kind: Any, place: int, values: list[Any], arrays: list[Floats]) -> Any:
-    """An entry as numpy code takes it."""
-    return arrays[place] if kind == "memory" else arrays[place][:, 0] if kind == "table" else values[place]
 
 
 # Recorded calls as numbers: the function, and the places of its arguments and results.

@@ -87,13 +87,14 @@ def of_bounds(many: Many) -> Iterator[str]:
     """Sentences on the bounds of the metrics, and on metrics without a value."""
     bounded = [name for name in many.extremes if many.bounds(name)]
     outside = [name for name in bounded if many.extremes[name].outside]
+    many_bounded = number_of(len(bounded), "metric")
     if outside:
-        yield f"{len(outside)} of {len(bounded)} metrics with bounds are outside of them in some runs."
+        yield f"{many_bounded} with bounds, {len(outside)} outside of them in some runs."
     elif bounded:
-        yield f"All {len(bounded)} metrics with bounds are within them in all runs that have a value."
+        yield f"{many_bounded} with bounds, within them in all runs that have a value."
     gaps = [name for name in many.extremes if many.spreads[name].missing > many.campaign.failed]
     if gaps:
-        yield f"{len(gaps)} metrics have no value in some runs that did not fail."
+        yield f"{number_of(len(gaps), 'metric')} without a value in some runs that did not fail."
 
 
 def run_name(many: Many, run: int) -> str:

@@ -213,11 +213,7 @@ def renew(guest: Guest) -> None:
     stages, first = guest.part.stages.values(), len(guest.links) - len(guest.part.stages)
     for place, stage in enumerate(stages, first):
         guest.links[place] = Link(
-            target=stage.slot.after,
-            source=stage.source,
-            converts=stage.converts,
-            factor=stage.factor,
-            bias=stage.bias,
+            target=stage.slot.after, source=stage.source, converts=stage.converts, factor=stage.factor, bias=stage.bias
         )
 
 
