@@ -5,7 +5,7 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import bend, laws, run_to_run
-from gapsense.control.judging import FELT, _slowest, judged_by_contact, judged_by_current
+from gapsense.control.judging import FELT, _slowest, _timed, judged_by_contact, judged_by_current
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import stops
 from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
@@ -82,6 +82,40 @@ def test_stop_that_is_left_at_once_is_told_by_the_current():
     """A contact that tells nothing before the mover comes back."""
     state = watched(hit(CLOSING, 0.9, 220.0), 350.0)
     assert state.heard.landing == pytest.approx(220.0, abs=5) and state.noted.hard == 1.0
+
+
+def noisy(state):
+    """With 20 mA, and their pieces."""
+    noise = 20e-3
+    running = state.running._replace(averaged=9.0, piece=bend.piece(noise, PAR))
+    return state._replace(coil=state.coil._replace(noise=noise), running=running)
+
+
+def test_pieces_are_longer_with_noise_so_that_a_stop_that_is_left_at_once_is_told():
+    """Before, noise explained all up to 2 m/s."""
+    state = noisy(hit(CLOSING, 1.2, 220.0))
+    assert 2.0 * bend.PIECE < state.running.piece * PAR.sample_time < 3.0 * bend.PIECE
+    assert bend.speed_at(state, CLOSING, 220.0, PAR)[1] < 0.1
+    told, soft = watched(state, 350.0), watched(noisy(hit(CLOSING, 0.3, 220.0)), 350.0)
+    assert told.heard.landing == pytest.approx(220.0, abs=15) and told.noted.hard == told.noted.changed == 1.0
+    assert soft.heard.hit == soft.noted.hard == 0.0
+
+
+@pytest.mark.parametrize("half", [CLOSING, OPENING])
+def test_time_of_a_contact_tells_hard_landings_that_are_early_or_much_too_late(half):
+    """What noise hides in the current; a landing in time says nothing, and one that is a little late neither."""
+    state = noisy(hit(half, 0.1))
+    due = bend.due(bend._plan(state.running, PAR), PAR) - round(bend.SEATED / PAR.sample_time)
+
+    def timed(late):
+        landing = due + round(late / PAR.sample_time)
+        return _timed(state._replace(heard=state.heard._replace(landing=landing)), PAR)
+
+    assert timed(-2e-3) > 0.4 and timed(2.4e-3) == pytest.approx(0.5)
+    assert all(timed(late) < 0.2 for late in (-1e-3, 0.0, 2.2e-3)) and timed(-due * PAR.sample_time) == 0.0
+    heard = state.heard._replace(landing=due + 2.4e-3 / PAR.sample_time)
+    late = judged_by_current(state._replace(heard=heard), PAR)
+    assert late.noted.hard == late.noted.changed == 1.0
 
 
 def test_bend_of_a_core_that_saturates_is_no_hit():

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from c_code import switched
 from lossy_valve import HALF, START, T_S, faulty, irregular
 from mhe_plant import CYCLE, Plant, learnt, noisy, plant, says
 from mhe_signals import blind, rows, run
@@ -14,8 +15,6 @@ from servo import served
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import readings
 from gapsense.estimators.mhe.window import MOST
-from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.layout import flat
 from gapsense.studies.devices import RTS_VALVE
 
 NOISE = 30e-3  # of the voltage [V]
@@ -107,15 +106,10 @@ def broken(fault: str) -> Plant:
     voltage = np.where((k >= 0) & (k % CYCLE < HALF), 30.0, 0.0)
     later = HALF if fault == "stuck at the lower stop" else 0
     first, last = (START + n * CYCLE + later - 5 for n in (HEALTHY, HEALTHY + BROKEN))
-    pars = [tuple(flat(par)) for par in (RTS_VALVE, RTS_VALVE._replace(**{**FAULTS, **ONE_WAY, **COIL}[fault]))]
-    scalar, names = Kernel(reluctance_actuator).scalar, reluctance_actuator.Outputs._fields
-    state, seen = scalar["initial"]((0.0, 0.0, 0.0), pars[0])
-    found = [seen]
-    for n, u in enumerate(voltage[:-1].tolist(), 1):
-        state, seen = scalar["step"](state, (n * T_S, T_S, u), pars[first <= n < last])
-        found.append(seen)
-    signals = np.array(found, float)[:, [names.index(name) for name in Plant._fields[1:]]]
-    return Plant(voltage, *signals.T)
+    devices = RTS_VALVE, RTS_VALVE._replace(**{**FAULTS, **ONE_WAY, **COIL}[fault])
+    is_other, n = 0 * k, np.arange(k.size)
+    is_other[(first <= n) & (n < last)] = 1
+    return Plant(voltage, *switched(reluctance_actuator, devices, is_other, voltage, T_S, *Plant._fields[1:]).T)
 
 
 @pytest.mark.parametrize("fault", FAULTS)

@@ -45,7 +45,7 @@ def off(c: Condition, result: Identified) -> dict[str, float]:
     """Errors of what is called identified, in stated standard errors."""
     found = {}
     for field, error in zip(result.names, result.uncertainty.relative.tolist()):
-        true = c.eddy if field == "core_eddy" else getattr(VALVE, field, 0.0)
+        true = {"core_eddy": c.eddy, "current_filter": c.filtered}.get(field, getattr(VALVE, field, 0.0))
         most = true * (1.0 + c.warming) if field == "coil_resistance" else true
         at = float(value_of(result.parameters, field))
         if field not in result.poor:

@@ -43,8 +43,8 @@ def z(name: str, result: Identified) -> dict[str, float]:
 
 def truth(c: Condition, field: str) -> tuple[float, float]:
     """Lowest and highest value that a parameter has."""
-    if field == "core_eddy":
-        return c.eddy, c.eddy
+    if field in (own := {"core_eddy": c.eddy, "current_filter": c.filtered}):
+        return own[field], own[field]
     true = getattr(VALVE, field, 0.0)
     return (true, true * (1.0 + c.warming)) if field == "coil_resistance" else (true, true)
 

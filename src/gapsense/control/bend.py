@@ -10,18 +10,20 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gapsense.control import laws
-from gapsense.control.coil import open_flux, wandering
+from gapsense.control.coil import AVERAGED, open_flux, usual_current, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
-from gapsense.control.records import LONGEST, Heard, Parameters, Running, State
+from gapsense.control.records import LONGEST, PIECES, Heard, Parameters, Running, State
 from gapsense.control.tracking import place, planned
 from gapsense.estimators.mhe.model import gap
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where, where_each
 
 PIECE = 200e-6  # half of the time before, and after, in which slopes are taken [s]
+LONGER = ((1.0, 1.2), (2.0, 1.5), (3.0, 1.8), (4.0, 2.3))  # over the noise that is averaged at least: times that
 SURE = 0.5  # error of a speed besides the current's noise [m/s]
 VAGUE = 4.0  # standard deviations of a speed that noise may explain
+OFTEN, MOST = 0.12, 5.4  # speed, and standard deviations, of bends without a hit where pieces are longer [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.97)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
 LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
@@ -61,8 +63,8 @@ def choose_bounds(state: State) -> Bounds:
 def watched(state: State, par: Parameters) -> Heard:
     """With the hardest bend so far of an operation, before a landing: a stop left at once is none to a contact."""
     heard, running = state.heard, state.running
-    at = running.age - 2.0 * piece(par)
-    has_left = (heard.takeoff > 0.0) & (at - 2.0 * piece(par) > heard.takeoff)
+    at = running.age - 2.0 * running.piece
+    has_left = (heard.takeoff > 0.0) & (at - 2.0 * running.piece > heard.takeoff)
     is_on = (running.is_plain < 1.0) & (has_left | (state.by_model > 0.0)) & (running.age < LONGEST)
 
     def before() -> tuple[Scalar, Scalar]:
@@ -70,7 +72,7 @@ def watched(state: State, par: Parameters) -> Heard:
 
     def looked() -> tuple[Scalar, Scalar]:
         speed, noise = _impact(state, at, par)
-        is_harder = (speed > heard.hardest) & (speed > choose_bounds(state).hit + VAGUE * noise)
+        is_harder = (speed > heard.hardest) & (speed > _softest_hit(state, noise))
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
     def near() -> tuple[Scalar, Scalar]:
@@ -85,10 +87,19 @@ def watched(state: State, par: Parameters) -> Heard:
     return heard._replace(hardest=hardest, hit=hit)
 
 
+def _softest_hit(state: State, noise: Scalar) -> Scalar:
+    """Speed beyond which a stop that no contact tells is hit."""
+    bound = choose_bounds(state).hit
+    explained = OFTEN + MOST * noise
+    longer = where(explained > bound, explained, bound)
+    return where(state.running.averaged > 0.0, longer, bound + VAGUE * noise)
+
+
 def landed(state: State, par: Parameters) -> Scalar:
     """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
     speed, noise = _impact(state, state.heard.landing, par)
-    return speed - where(noise > USUAL, VAGUE * (noise - USUAL), 0.0)
+    usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
+    return speed - where(noise > usual, VAGUE * (noise - usual), 0.0)
 
 
 def _impact(state: State, at: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
@@ -103,7 +114,7 @@ def _plan(running: Running, par: Parameters) -> Operation:
 
 def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     """What the plan itself takes from the speed between the pieces around a sample [m/s]."""
-    plan, m, n = _plan(running, par), make_mover(par), piece(par)
+    plan, m, n = _plan(running, par), make_mover(par), running.piece
     before, after = (path((at + k) * par.sample_time - plan.lead, plan, m).velocity for k in (-1.0 - n, n))
     return where(plan.is_closing, after - before, before - after)
 
@@ -114,7 +125,8 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     How much the reluctance of the core grows with the flux linkage is told with the mover seated: after its landing by
     the contact, or after it is to have arrived.
     """
-    heard, running, n, m = state.heard, state.running, piece(par), make_mover(par)
+    heard, running, m = state.heard, state.running, make_mover(par)
+    n = running.piece
     late, is_alone = told_at(running, par), state.by_model > 0.0
     landing = where(is_alone, running.due, heard.landing)
     is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (landing < late)
@@ -143,7 +155,7 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     The reluctance is current over flux linkage, of that of the open actuator; `seated` is that of the last operations
     that have arrived.
     """
-    running, n, m = state.running, piece(par), make_mover(par)
+    running, n, m = state.running, state.running.piece, make_mover(par)
     opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
     is_closing, again = running.command > 0.5, told_at(running, par)
 
@@ -188,7 +200,7 @@ def told_at(running: Running, par: Parameters) -> Scalar:
 
 def _reluctance(state: State, at: Scalar, par: Parameters, off: Scalar = 0.0) -> Scalar:
     """Current over flux linkage around a place in memory, from which something is taken away [1/H]."""
-    n = piece(par)
+    n = state.running.piece
     charge = load(state.charges, at + n) - load(state.charges, at - n)
     return charge / (2.0 * n * par.sample_time * _large(load(state.fluxes, at) - off))
 
@@ -198,15 +210,18 @@ def due(plan: Operation, par: Parameters) -> Scalar:
     return floor((plan.lead + arrival(plan) + SEATED) / par.sample_time)
 
 
-def piece(par: Parameters) -> Scalar:
-    """Samples of a piece."""
+def piece(noise: Scalar, par: Parameters) -> Scalar:
+    """Samples of a piece: more where the noise of a current is so large that it is averaged."""
     half = floor(PIECE / par.sample_time + 0.5)
-    return where(half > 1.0, half, 1.0)
+    for least, times in LONGER:
+        is_so = noise > least * AVERAGED * usual_current(par)
+        half = where(is_so, floor(times * PIECE / par.sample_time + 0.5), half)
+    return clip(half, 1.0, float(PIECES))
 
 
 def speed_at(state: State, half: Scalar, landing: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """Speed towards the stop with which the mover has landed at a sample, and its error by noise."""
-    m, n, T_s = make_mover(par), piece(par), par.sample_time
+    m, n, T_s = make_mover(par), state.running.piece, par.sample_time
     length = where(state.running.command == half, state.running.age, laws.read(state.laws, half).length)
     reach = 2.0 * n + 1.0
     is_kept = (landing > reach) & (landing + reach <= length + 1.0) & (landing + reach <= LONGEST)

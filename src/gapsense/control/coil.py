@@ -25,6 +25,7 @@ LANDED, SURE = 0.01, 5.0  # of the usual current: it rises by more where a mover
 TOP, APART = 0.3, 6.0  # share by which the mean of the last closings follows; farther from it is another one [Wb]
 STEADIER, SOMEWHERE = 0.05, 2e-3  # the same if the current is noisy
 SLOWER = 0.1  # then: share by which the resistance and the first flux linkage follow, once there were so many cycles
+AVERAGED = 0.0075  # of the usual current: from such a noise on its means are used with a contact, and longer pieces
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest

@@ -6,12 +6,12 @@ from gapsense.control import laws
 from gapsense.control.bend import arrived, is_of_core, landed
 from gapsense.control.coil import left_open, raised, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
-from gapsense.control.profile import arrival
+from gapsense.control.profile import arrival, path, stops
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
 from gapsense.control.tracking import is_after, planned
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import total
-from gapsense.kernels.trace import cond, not_, sqrt, where
+from gapsense.kernels.trace import cond, fabs, not_, sqrt, where
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes
 WARNINGS = tuple(float(2**k) for k in range(len(NOTHING)))  # bits
@@ -22,6 +22,8 @@ ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this 
 SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
+AHEAD = 600.0  # speed by the distance that the plan had left at a landing [1/s]
+DROPPED, DROPS = 0.68, 0.5  # travels after the planned arrival: later a mover had been let go; its speed [m/s]
 FELT = 0.25  # of a closing that only the current tells: with the second one in a row an ordinary cycle is due
 FORGIVEN = 0.5  # hard impacts, by a soft one
 NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
@@ -85,6 +87,8 @@ def judged_by_current(state: State, par: Parameters) -> State:
     is_hit = not_(by_contact) | (heard.landing == heard.hit) | (heard.hardest > SURELY)  # else the contact was in time
     speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
+    timed = _timed(state, par)
+    speed = where(by_contact & (running.averaged > 0.0) & (timed > speed), timed, speed)
     is_hard = is_soft & (speed > AUDIBLE)
     law, is_closing = laws.read(state.laws, running.command), running.command > 0.5
     is_there, is_absent, seated = arrived(state, law.seated, par)
@@ -95,6 +99,17 @@ def judged_by_current(state: State, par: Parameters) -> State:
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     return _alarmed(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
+
+
+def _timed(state: State, par: Parameters) -> Scalar:
+    """Speed with which a mover has landed earlier than planned, or so late that it had been let go [m/s]."""
+    heard, running, m = state.heard, state.running, make_mover(par)
+    plan = planned(running.command, running.speed, running.travel, 0.0, par)
+    tau = heard.landing * par.sample_time - plan.lead
+    at = path(tau, plan, m)
+    early = fabs(at.velocity) + AHEAD * fabs(at.position - stops(plan.is_closing, m)[1])
+    is_dropped = tau - arrival(plan) > DROPPED * plan.travel
+    return where(heard.landing > 0.0, where(is_dropped, DROPS, early), 0.0)
 
 
 def _most(speed: Scalar) -> Scalar:

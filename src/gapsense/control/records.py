@@ -24,6 +24,7 @@ from gapsense.kernels.layout import (
 )
 
 LONGEST = 1024  # samples of an operation that are kept
+PIECES = LONGEST // 8  # most samples of half of the time in which a slope of the current is taken
 OPENING, CLOSING = 0.0, 1.0  # commands, and halves of the memories
 BAD = 6.0  # misfit of an estimate that is not believed
 
@@ -187,6 +188,7 @@ class Running(NamedTuple):
     wanted: Scalar  # flux linkage that the profile wants now, or 0 [Wb]
     limited: Scalar  # samples of the motion at a limit of the voltage
     since_limit: Scalar  # samples since the last one
+    piece: Annotated[Scalar, Whole(0, PIECES)]  # samples of half of the time in which a slope of the current is taken
     due: Annotated[Scalar, Count]  # sample at which the mover is to have arrived
     is_judged: Scalar  # 1: the estimator has told what became of it
     last_age: Scalar  # samples of the operation before

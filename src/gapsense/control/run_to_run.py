@@ -14,8 +14,9 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, told_at, watched
+from gapsense.control.bend import due, piece, told_at, watched
 from gapsense.control.coil import (
+    AVERAGED,
     WARM,
     closed,
     drawn,
@@ -78,7 +79,6 @@ OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
 PART = 0.5  # of the noise that is warned of: from then on an estimator steadies the flux linkage
-AVERAGED = 0.0075  # of the usual current: from such a noise on its means are used with a contact
 AGAIN = 2.0  # averaged operations, after an ordinary one
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
@@ -251,6 +251,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             balance_flux=balance_flux,
             averaged=where(is_averaged, _averaged(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
+            piece=piece(where(is_averaged, state.coil.noise, 0.0), par),
             due=due(planned(half, law.speed, law.travel, 0.0, par), par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
@@ -315,6 +316,7 @@ def _first(par: Parameters) -> Running:
         speed=par.approach_first,
         travel=par.opening_travel,
         learnt=vector([*believed(par), 0.0, 0.0, 0.0, 0.0]),
+        piece=piece(0.0, par),
         is_judged=1.0,
         last_is_judged=1.0,
     )

@@ -40,6 +40,7 @@ CURRENT, POSITION = range(2)
 PIECES, SUB_STEPS = 200, 64  # of a sampling interval, and of a piece of it in the air, at most
 H = (1.0, 0.0, 0.0)  # (3)
 ALIKE = 4.0  # variance in that of noise up to which operations count as alike but for noise: with 8 short ones are told
+EVIDENT = 32.0  # as in `ukf`; with 16 those are told that are shorter than all before
 
 
 class Orientation(Choice):
@@ -232,7 +233,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         voltage=now.voltage,
         voltage_before=state.voltage,
     )
-    usual = compared(state.usual, seen, Limits(par.health_samples, par.health_limit, 0.0), ALIKE)
+    usual = compared(state.usual, seen, Limits(par.health_samples, par.health_limit, 0.0), ALIKE, EVIDENT)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, std, WILD),

@@ -44,6 +44,7 @@ from gapsense.kernels.linalg import deviation, diagonal, ldl, matrix, nonnegativ
 from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, square, where
 
 ALIKE = 8.0  # variance in that of noise up to which healthy operations count as alike but for noise
+EVIDENT = 16.0  # -log of the probability of means that are not as usual, beyond what is allowed, that tells a fault
 
 
 class Pair(NamedTuple):
@@ -235,7 +236,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         voltage=voltage,
         voltage_before=state.voltage,
     )
-    usual = compared(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0), ALIKE)
+    usual = compared(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0), ALIKE, EVIDENT)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, S, WILD),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any, NamedTuple
 
 from gapsense.estimators.kalman import mean, normalised, surprise
-from gapsense.kernels.elementary import exp
+from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, sqrt, square, store, where
 
@@ -19,16 +19,21 @@ OPERATIONS = 3.0  # takeoffs until a sign is forgotten: between them lie a motio
 EARLY = 0.18  # share of the stroke that may be left when the contact closes
 EARLIER, LATER = 0.08, 0.15  # how much more than usual that may be; share of an operation with less in what is usual
 PULL = 0.5  # share of the spring's force with which a stop may seem to hold the mover back
+TINY = 1e-12  # least variance that is divided by
 MOST = 1e3  # deviations as which a larger error of the model's current counts
 PARTS, PER_MEAN = 12, 4.0  # of half an operation, and how many of them are as long as `Limits.samples`
 HALF = PARTS + 1  # entries of half an operation: the last part has its largest and its smallest mean
 ENTRIES = 2 * HALF
-FEW, MANY = 5.0, 100.0  # operations from which a line is used, and over which it is learnt
-RARE = 4.5  # -log of about the probability that a mean is far from its line: twice this far in two parts, thrice in one
+FEW, MANY = 5.0, 100.0  # operations from which a curve is used, and over which it is learnt
+RARE = 4.5  # -log of about the probability of a mean that is far from its curve: twice this in two parts, thrice in one
 SLACK = 0.1  # how far it may be beyond that [deviations]
 KNOWN, SURE = 10.0, 100.0  # operations from which on noise may be all that they differ by; as how many that counts
 ALONE = (0.25, 3.0)  # variance of a part that is noise alone, in that of noise
-FLAT = 1e-3  # variance of the supply times operations that adds nothing to the slope [V2]
+FLAT = (1e-3, 1e-3)  # variance of the supply, and of its square, times operations that bends nothing [V2, V4]
+ALLOWED = 1.0  # what the -log of about the probability of a mean may be on the average, before it counts as evidence
+MISFIT = 0.6  # share that counts where the model's error is larger than noise: several parts are wrong at once
+PROVEN = 32.0  # evidence beyond which more adds nothing: it is to be gone soon after a fault
+WITHIN = 4.0  # squared distance of a supply from the usual ones, in deviations, at which a parabola is half as sure
 EDGE = 1.0  # change of the voltage beyond its noise from which on an operation is compared from there [V]
 AWAY = 0.05  # share of the stroke within which the position of the model alone is at a stop
 ONE_SIDED = 1.4  # largest mean of the normalised innovation, which is much larger where the model is wrong
@@ -78,14 +83,18 @@ class Limits(NamedTuple):
 START = Watch(*[1.0, *[0.0] * 9, *[EARLY - EARLIER] * 2])
 
 
-class Line(NamedTuple):
-    """Means and variances over operations: what the error of the model's current is at a supply."""
+class Curve(NamedTuple):
+    """Means, variances and covariances over operations: what the error of the model's current is at a supply."""
 
     n: Any  # operations
     supply: Any  # mean [V]
+    square: Any  # mean of its square [V2]
     error: Any  # mean [deviations of the noise]
     supply_var: Any
-    covariance: Any
+    supply_square: Any  # covariance
+    square_var: Any
+    supply_error: Any
+    square_error: Any
     error_var: Any
 
 
@@ -95,9 +104,9 @@ class Usual(NamedTuple):
     It is that of the model alone: a filter follows a fault with its flux linkage and hides it.  An operation lasts
     until the mover of that model leaves the other stop.  Each of its halves, the one from its takeoff and the one from
     an edge of the voltage on, has `PARTS`; the last one is repeated.  The mean is compared where a part ends, or at an
-    edge: within one it may change fast.  It is compared with a line over the supply, as the errors of a wrong model
-    depend on it.  What was seen in an operation is learnt in the first samples of the next one, which is compared with
-    the lines of the other side.
+    edge: within one it may change fast.  It is compared with a parabola over the supply, as the errors of a wrong
+    model depend on it.  What was seen in an operation is learnt in the first samples of the next one, which is
+    compared with the curves of the other side.
     """
 
     surprise: Scalar  # mean of the squared normalised innovation [1]
@@ -105,16 +114,18 @@ class Usual(NamedTuple):
     samples: Annotated[Scalar, Count]  # since the takeoff, or since an edge of the voltage after it
     has_edge: Annotated[Scalar, Whole(0, 1)]  # flag: there was one
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
-    supply: Scalar  # size of the voltage since it was switched on last [V]
-    spread: Scalar  # largest variance about the lines of the last operation, so far [1]
+    supply: Scalar  # mean size of the voltage since it was switched on last [V]
+    on: Annotated[Scalar, Count]  # samples since then, up to the next edge: later ones do not count
+    spread: Scalar  # largest variance about the curves of the last operation, so far [1]
     spread_before: Scalar  # and about those of the one before it, of the side of this one
     learnt: Annotated[Scalar, Count]  # entries of either half of the last operation that were learnt, or dropped
     learns: Annotated[Scalar, Whole(0, 1)]  # flag: that operation had no sign
     innovation: Scalar  # takeoffs until this sign is forgotten, as the following
     other: Scalar
-    apart: Scalar  # how far the last mean was from its line: 0, 1 or 2, with its sign
+    apart: Scalar  # how far the last mean was from its curve: 0, 1 or 2, with its sign
+    evidence: Scalar  # sum of the -log of about the probability of each mean, less what is allowed
     seen: Annotated[Array, Memory(2 * ENTRIES)]  # means of this operation plus `MOST`, 0: none; and the supplies
-    lines: Annotated[Array, Memory(len(Line._fields) * 2 * ENTRIES)]  # fields of `Line`, each of both sides
+    curves: Annotated[Array, Memory(len(Curve._fields) * 2 * ENTRIES)]  # fields of `Curve`, each of both sides
 
 
 class Now(NamedTuple):
@@ -194,10 +205,11 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
     )
 
 
-def compared(before: Usual, now: Now, limits: Limits, alike: float) -> Usual:
+def compared(before: Usual, now: Now, limits: Limits, alike: float, evident: float) -> Usual:
     """One sample more.  What is usual is learnt from operations without a sign.
 
-    They are alike but for noise if no variance is more than `alike` times that of noise.
+    They are alike but for noise if no variance is more than `alike` times that of noise.  Means that are not far from
+    their curves add up to evidence, of which `evident` is a sign.
     """
     is_over = is_takeoff(before.left, now.leaves)
     surprised = mean(before.surprise, square(clip(now.innovation, -FAR, FAR)), limits.samples)
@@ -210,16 +222,16 @@ def compared(before: Usual, now: Now, limits: Limits, alike: float) -> Usual:
     high = half + where(is_last, PARTS - 1.0, part)
     low = high + where(is_last, 1.0, 0.0)
     has_more = before.learnt < HALF
-    seen, lines, spread = cond(
-        has_more, lambda: _learnt(before, ENTRIES - first), lambda: (before.seen, before.lines, before.spread)
+    seen, curves, spread = cond(
+        has_more, lambda: _learnt(before, ENTRIES - first), lambda: (before.seen, before.curves, before.spread)
     )
 
     noise = 1.0 / larger(limits.samples - 1.0, 1.0)
     reading = Reading(before.supply, biased, noise, before.spread_before < alike * noise)
 
-    def ended() -> tuple[Array, Scalar]:
-        above = _far(lines, first, high, half, reading)
-        below = cond(is_last, lambda: _far(lines, first, low, half, reading), lambda: above)
+    def ended() -> tuple[Array, Scalar, Scalar]:
+        above, rare = _far(curves, first, high, half, reading)
+        below = cond(is_last, lambda: _far(curves, first, low, half, reading)[0], lambda: above)
         value, is_new = MOST + biased, not_(load(seen, high) > 0.0)
         noted = seen
         for k, sign in ((high, 1.0), (low, -1.0)):
@@ -228,19 +240,25 @@ def compared(before: Usual, now: Now, limits: Limits, alike: float) -> Usual:
             noted = store(noted, k, where(is_more, value, old))
             noted = store(noted, k, where(is_new, before.supply, load(noted, k, ENTRIES)), ENTRIES)
         far = where(above > 0.0, above, where(below < 0.0, below, 0.0))
-        return noted, where((is_new | is_last) & (before.left > 0.0), far, 0.0)
+        is_known = before.left > 0.0
+        summed = clip(before.evidence + rare - ALLOWED, 0.0, PROVEN)
+        is_summed = is_new & is_known & not_(is_last)
+        return (noted, where((is_new | is_last) & is_known, far, 0.0), where(is_summed, summed, before.evidence))
 
-    seen, far = cond(ends, ended, lambda: (seen, before.apart))
-    is_other = ends & ((far * before.apart > 0.0) | (fabs(far) > 1.0))
+    seen, far, evidence = cond(ends, ended, lambda: (seen, before.apart, before.evidence))
+    is_other = (ends & ((far * before.apart > 0.0) | (fabs(far) > 1.0))) | (evidence >= evident)
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0) & not_(has_more)
     is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
+    on = where(is_on, 1.0, where(now.is_edge | not_(before.on > 0.0), 0.0, before.on + 1.0))
+    size = fabs(now.voltage)
     return Usual(
         surprise=surprised,
         bias=biased,
         samples=where(is_over | now.is_edge, 0.0, before.samples + 1.0),
         has_edge=where(is_over, 0.0, where(now.is_edge, 1.0, before.has_edge)),
         left=where(is_over, now.leaves, before.left),
-        supply=where(is_on, fabs(now.voltage), before.supply),
+        supply=where(on > 0.0, before.supply + (size - before.supply) / larger(on, 1.0), before.supply),
+        on=on,
         spread=where(is_over, 0.0, spread),
         spread_before=where(is_over, spread, before.spread_before),
         learnt=where(is_over, 0.0, before.learnt + where(has_more, 1.0, 0.0)),
@@ -248,13 +266,14 @@ def compared(before: Usual, now: Now, limits: Limits, alike: float) -> Usual:
         innovation=lasting(before.innovation, surprised >= limits.innovation, is_over),
         other=lasting(before.other, is_other, is_over),
         apart=far,
+        evidence=evidence,
         seen=seen,
-        lines=lines,
+        curves=curves,
     )
 
 
 class Reading(NamedTuple):
-    """A mean that is compared with its line."""
+    """A mean that is compared with its curve."""
 
     supply: Any
     error: Any
@@ -262,68 +281,84 @@ class Reading(NamedTuple):
     is_alike: Any  # such operations may differ by noise alone
 
 
-def _line(lines: Array, at: Scalar) -> Line:
-    """The line of an entry."""
-    return Line(*(load(lines, at, k * 2 * ENTRIES) for k in range(len(Line._fields))))
+class Bent(NamedTuple):
+    """The parabola of a curve: error + slope (U - supply) + bend (U^2 - square - tilt (U - supply))."""
+
+    slope: Any  # [deviations/V]
+    bend: Any  # [deviations/V2]
+    tilt: Any  # of the square over the supply [V]
+    spread: Any  # variance of the supply
+    rest: Any  # that of its square beside it
+    variance: Any  # that of the errors beside both
 
 
-def _slope(line: Line) -> tuple[Scalar, Scalar, Scalar]:
-    """Slope of a line [deviations/V], variance of the supply that it is from, and variance about the line."""
-    spread = line.supply_var + FLAT / larger(line.n, 1.0)
-    slope = line.covariance / spread
-    return slope, spread, larger(line.error_var - slope * line.covariance, 0.0)
+def _curve(curves: Array, at: Scalar) -> Curve:
+    """The curve of an entry."""
+    return Curve(*(load(curves, at, k * 2 * ENTRIES) for k in range(len(Curve._fields))))
 
 
-def _far(lines: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading) -> Scalar:
-    """How far an error is from the line of its entry, with its sign; 0: not far, or there is no line yet.
+def _bent(curve: Curve) -> Bent:
+    """The parabola of a curve, by one elimination."""
+    straight, bowed = (flat / larger(curve.n, 1.0) for flat in FLAT)
+    spread = curve.supply_var + straight
+    slope, tilt = curve.supply_error / spread, curve.supply_square / spread
+    rest = larger(curve.square_var - tilt * curve.supply_square, 0.0) + bowed
+    beside = curve.square_error - tilt * curve.supply_error
+    bend = beside / rest
+    variance = larger(curve.error_var - slope * curve.supply_error - bend * beside, 0.0)
+    return Bent(slope=slope, bend=bend, tilt=tilt, spread=spread, rest=rest, variance=variance)
 
-    It is if it is t deviations of the prediction from n operations off, t^2 = m (exp(2 k RARE / m) - 1) with m = n - 2,
-    which is about as rare for any n in Student's distribution; 1 with k = 2, 2 with k = 3.  The variance is the largest
-    of an entry and of those beside it: with another supply the mover comes sooner or later, which is no line.
+
+def _far(curves: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading) -> tuple[Scalar, Scalar]:
+    """How far an error is from the curve of its entry, with its sign, and -log of about the probability of that.
+
+    It is 0 if that is not far, or there is no curve yet.  It is far if it is t deviations of the prediction from n
+    operations off, t^2 = m (exp(2 k RARE / m) - 1) with m = n - 3, which is about as rare for any n in Student's
+    distribution; 1 with k = 2, 2 with k = 3.  The variance is the largest of an entry and of those beside it: with
+    another supply the mover comes sooner or later, which is no parabola.
     """
-    own = _line(lines, first + entry)
-    slope, spread, variance = _slope(own)
+    own = _curve(curves, first + entry)
+    bent = _bent(own)
+    variance = bent.variance
     for side in (-1.0, 1.0):
-        beside = _line(lines, first + clip(entry + side, half, half + PARTS))
-        variance = larger(variance, _slope(beside)[2])
+        beside = _curve(curves, first + clip(entry + side, half, half + PARTS))
+        variance = larger(variance, _bent(beside).variance)
     n, away = larger(own.n, FEW), at.supply - own.supply
     is_noise = at.is_alike & (own.n >= KNOWN) & (variance > ALONE[0] * at.noise) & (variance < ALONE[1] * at.noise)
-    m, each = where(is_noise, SURE, n - 2.0), where(is_noise, at.noise / n, variance / (n - 2.0))
-    off = at.error - own.error - slope * away
-    beyond = fabs(off) - SLACK
-    unit = m * each * (n + 1.0 + square(away) / spread)
-    once = exp(2.0 * RARE / m)
-    twice = square(once)
-    size = where(square(beyond) > (twice * once - 1.0) * unit, 2.0, 1.0)
-    is_off = (own.n >= FEW) & (beyond > 0.0) & (square(beyond) > (twice - 1.0) * unit)
-    return where(is_off, where(off > 0.0, size, -size), 0.0)
+    m, each = where(is_noise, SURE, n - 3.0), where(is_noise, at.noise / n, variance / (n - 3.0))
+    bow = square(at.supply) - own.square - bent.tilt * away
+    off = at.error - own.error - bent.slope * away - bent.bend * bow
+    beyond = larger(fabs(off) - SLACK, 0.0)
+    apart = square(away) / bent.spread + square(bow) / bent.rest
+    unit = m * each * (n + 1.0 + apart * where(fabs(away) > EDGE, 1.0 + apart / WITHIN, 1.0))
+    rare = where(own.n >= FEW, 0.5 * m * log(1.0 + square(beyond) / larger(unit, TINY)), 0.0)
+    size = where(rare > 3.0 * RARE, 2.0, where(rare > 2.0 * RARE, 1.0, 0.0))
+    return where(off > 0.0, size, -size), where(is_noise, 1.0, MISFIT) * rare
 
 
 def _learnt(before: Usual, side: Scalar) -> tuple[Array, Array, Scalar]:
-    """The lines with an entry more of either half of the last operation, which is then forgotten.
+    """The curves with an entry more of either half of the last operation, which is then forgotten.
 
     One in each sample, as all at once take long on a microcontroller; this operation comes to each of them later.
     """
-    seen, lines, spread = before.seen, before.lines, before.spread
+    seen, curves, spread = before.seen, before.curves, before.spread
     for half in (0.0, float(HALF)):
         k = half + before.learnt
-        line, value, supply = _line(lines, side + k), load(seen, k), load(seen, k, ENTRIES)
+        old, value, supply = _curve(curves, side + k), load(seen, k), load(seen, k, ENTRIES)
         is_new = (before.learns > 0.0) & (value > 0.0)
-        n = where(line.n < MANY, line.n + 1.0, MANY)
-        du, de = supply - line.supply, value - MOST - line.error
-        rest = 1.0 - 1.0 / n
-        taught = Line(
-            n=n,
-            supply=line.supply + du / n,
-            error=line.error + de / n,
-            supply_var=rest * (line.supply_var + du * du / n),
-            covariance=rest * (line.covariance + du * de / n),
-            error_var=rest * (line.error_var + de * de / n),
+        n = where(old.n < MANY, old.n + 1.0, MANY)
+        means = (old.supply, old.square, old.error)
+        du, dq, de = (now - mean for now, mean in zip((supply, square(supply), value - MOST), means))
+        products = (du * du, du * dq, dq * dq, du * de, dq * de, de * de)
+        taught = Curve(
+            n,
+            *(mean + d / n for mean, d in zip(means, (du, dq, de))),
+            *((1.0 - 1.0 / n) * (entry + product / n) for entry, product in zip(old[4:], products)),
         )
-        seen, spread = store(seen, k, 0.0), larger(spread, _slope(taught)[2])
-        for j, (new, old) in enumerate(zip(taught, line)):
-            lines = store(lines, side + k, where(is_new, new, old), j * 2 * ENTRIES)
-    return seen, lines, spread
+        seen, spread = store(seen, k, 0.0), larger(spread, _bent(taught).variance)
+        for j, (new, was) in enumerate(zip(taught, old)):
+            curves = store(curves, side + k, where(is_new, new, was), j * 2 * ENTRIES)
+    return seen, curves, spread
 
 
 def larger(a: Scalar, b: Scalar) -> Scalar:

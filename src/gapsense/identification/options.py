@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 CONVENTIONS = ("trapezoid", "end", "start", "filtered", "slow")  # what a recorded voltage was between two samples
 SHARP = CONVENTIONS[:3]  # edges take no time; those of the others tell how long they take
-FORMS = ("eddy", "hysteresis", "fringing")  # what the plain model may have added
+FORMS = ("eddy", "hysteresis", "fringing", "filter")  # what the plain model may have added
 PLAIN = "plain"  # nothing of it
 AUTO = "auto"  # what explains the records best
 MODELS = (AUTO, "coil", "solenoid_valve")

@@ -7,7 +7,7 @@ current of the device becomes in the filter without its mean delay.  Times are i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -57,7 +57,7 @@ class Ramp(LowPass):
         return np.where(t < 2.0 * self.a, 0.25 * np.maximum(t, 0.0) ** 2 / self.a, t - self.a)
 
 
-@cache
+@lru_cache(maxsize=256)  # of which a fit needs few more than once
 def weights(of: LowPass) -> Vector:
     """By which a filter without its mean delay weighs half samples, the middle one being now (2 n + 1,)."""
     n = int(np.ceil(2.0 * TAIL * of.a)) + 1

@@ -167,6 +167,7 @@ class Timed(NamedTuple):
     prepared: Prepared
     trials: list[Trial]
     causes: tuple[str, ...]  # that are fitted
+    others: Sequence[tuple[float, Timed]] = ()  # those not taken, and the evidence against each
 
 
 def choose_timing(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: Driver) -> Timed:
@@ -192,9 +193,14 @@ def choose_timing(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, 
             more = len(causes) + len(end.form.fitted) - len(best.form.fitted)
             left, now = relative(best.errors, firsts), relative(end.errors, moved.firsts)
             found.append((evidence(left, now, more) - ENOUGH, timed))
-    timed = max(found, key=lambda pair: pair[0])[1]
-    edges = prepared.edges if any(map(is_place, timed.causes)) else []
-    return timed._replace(causes=tuple(dict.fromkeys((*timed.causes, *edges))))
+    most, timed = max(found, key=lambda pair: pair[0])
+    others = [(most - each, other) for each, other in found if other is not timed and not _has_places(other)]
+    edges = prepared.edges if _has_places(timed) else []
+    return timed._replace(causes=tuple(dict.fromkeys((*timed.causes, *edges))), others=others)
+
+
+def _has_places(timed: Timed) -> bool:
+    return any(map(is_place, timed.causes))
 
 
 def is_inside(name: str, firsts: Sequence[First]) -> bool:

@@ -46,7 +46,7 @@ from gapsense.identification.measurements.operations import Operation, trapezoid
 from gapsense.identification.measurements.prepare import hidden_level, remaining
 from gapsense.identification.measurements.record import seen_ends
 from gapsense.identification.residual import Residual
-from gapsense.identification.valve.form import FACTOR, SHAPE, Device, Form, multiply, replace_values, value_of
+from gapsense.identification.valve.form import FACTOR, FILTER, SHAPE, Device, Form, multiply, replace_values, value_of
 from gapsense.identification.valve.minimise import Fit, Weighted
 from gapsense.identification.valve.model import (
     Experiment,
@@ -324,6 +324,7 @@ def _correlate(W: Matrix, length: float) -> Matrix:
 
 WITHIN = 0.5  # of the growth of the resistance from operation to operation: how well that within one is known
 STEPPED = 0.015  # delay that the steps of the model make, of a sample
+SPREAD = 0.05  # of a squared sample: variance that its half samples add to a filter of the current
 CHANCE = 1.7  # over the root of the samples: residuals over their noise, beyond 1, by chance (two standard deviations)
 
 
@@ -381,6 +382,10 @@ def uncertainty(
     if "delay" in fitted:  # the steps of the model delay too, which adds to everything correlated with it
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
+        cov = cov + np.outer(shift, shift)
+    if FILTER in form.fitted:  # likewise
+        k, samples = form.fitted.index(FILTER), float(value_of(form.at(ratios), FILTER)) / experiments[0].dt
+        shift = min(1.0, 0.5 * SPREAD / samples**2) * cov[:, k] / cov[k, k]
         cov = cov + np.outer(shift, shift)
     T, names, causes = reported(form, fitted), [*form.fitted], [name for name in fitted if not is_place(name)]
     told, kept = T @ cov @ T.T, parameters_of(form)

@@ -21,12 +21,22 @@ from gapsense.identification.measurements.operations import Flux
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.measurements.switching import Carrier
 from gapsense.identification.residual import Residual, residual
-from gapsense.identification.valve.driver import ROUNDS, UNKNOWN, Driver, choose_timing, correction, last_taken, settle
+from gapsense.identification.valve.driver import (
+    ROUNDS,
+    UNKNOWN,
+    Driver,
+    Timed,
+    choose_timing,
+    correction,
+    last_taken,
+    settle,
+)
 from gapsense.identification.valve.errors import Ended, Uncertainty, add_doubts, doubts, largest, uncertainty, widen
 from gapsense.identification.valve.form import (
     BOUNCE,
     EVERYTHING,
     FACTOR,
+    FILTER,
     GUESSED,
     LOSSES,
     SHAPE,
@@ -62,8 +72,10 @@ from gapsense.identification.valve.model import (
 )
 
 STEPS, WHOLE = 12, 8  # of a fit to the first operations, and of those to everything, about
+CLEAR = 10.0  # evidence that excludes the other form: "very strong" by Kass and Raftery (1995)
 POINTS = 14  # at which a step simulates: for slopes, and with several dampings
-TRIALS = 9  # fits for each level of forms, three forms from three starts; as many for the readings of the voltage
+SMOOTHED = 0.5  # samples, time constant of a filter, of a first guess
+TRIALS = 12  # fits for each level of forms, four forms from three starts; as many for the readings of the voltage
 
 
 class Method(NamedTuple):
@@ -97,6 +109,7 @@ class Beginning(NamedTuple):
     starts: list[Start]
     trials: list[Trial]
     causes: Sequence[str]  # that are fitted
+    others: Sequence[Timed] = ()  # delays and forms that evidence does not clearly exclude
 
 
 def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: Driver) -> Beginning:
@@ -116,9 +129,10 @@ def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: D
     if not found:
         return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=[], causes=drive.fitted)
     ratios, prepared = settle(fit, ratios, prepared, drive.fitted)
-    prepared, trials, causes = choose_timing(fit, ratios, prepared, sought, drive)
+    prepared, trials, causes, others = choose_timing(fit, ratios, prepared, sought, drive)
     fit.form, ratios = last_taken(trials)[:2]
-    return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=trials, causes=causes)
+    near = [other for against, other in others if against < CLEAR]
+    return Beginning(ratios=ratios, prepared=prepared, starts=found, trials=trials, causes=causes, others=near)
 
 
 POOR = 0.05  # relative standard error from which a parameter counts as not identifiable
@@ -197,7 +211,6 @@ class Identified(NamedTuple):
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 MUCH = 0.7  # of the squares that are left: with less, places of edges explain much, whatever else is there
 AT_REST = 1e-5  # relative change of the resistances
-CLEAR = 10.0  # evidence that excludes the other form: "very strong" by Kass and Raftery (1995)
 MOST = 8  # times that charges are balanced
 
 
@@ -247,6 +260,7 @@ def fit_valve(
         What is known of the driver, and what is fitted.
     """
     method = Method(starts, seed, conventions)
+    sought = sought._replace(guesses={FILTER: SMOOTHED * records[0].dt, **sought.guesses})
     prepared = prepare_all(drive.of(records), period)
     fit = Fit(plain(known, sought), course_of(prepared, method, sought, progress))
     beginning = begin(fit, prepared, method, sought, drive)
@@ -254,8 +268,8 @@ def fit_valve(
     at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
     others: list[Found] = []
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
-        at, *others = _with_edges(fit, at, _forms(known, at.form, sought), drive.fitted)
-    others += _nearly_taken(fit, at, beginning.trials)
+        at, *others = _with_edges(fit, at, _forms(known, at.form, _beside(sought, beginning.trials)), drive.fitted)
+    others += [*_nearly_taken(fit, at, beginning.trials), *_timed_otherwise(fit, at, beginning.others)]
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
@@ -266,16 +280,33 @@ def fit_valve(
 
 
 def _nearly_taken(fit: Fit, at: Found, trials: Sequence[Trial]) -> list[Found]:
-    """The minima, for all operations, of forms that stood against the one that was taken last, unless it was clear."""
+    """The minima, for all operations, of forms that stood against the one that was taken last, unless it was clear.
+
+    Also of larger ones, if some evidence was for them.
+    """
     taken = [k for k, trial in enumerate(trials) if trial.is_taken]
-    if len(taken) < 2 or trials[taken[-1]].form.added != at.form.added:
+    if not taken or trials[taken[-1]].form.added != at.form.added:
         return []
-    (before, last), ends = taken[-2:], list[Found]()
-    for trial in (trials[before]._replace(evidence=0.0), *trials[before + 1 : last]):
-        if trials[last].evidence - trial.evidence < CLEAR:
-            fit.form = trial.form
-            start = carry_over(at.form, at.ratios, trial.form)
-            ends.append(_minimise(fit, start, at.prepared, at.causes, is_searched=False))
+    last, ends = taken[-1], list[Found]()
+    near = [trial for trial in trials[last + 1 :] if trial.evidence > 0.0]
+    if len(taken) > 1:
+        before = taken[-2]
+        against = (trials[before]._replace(evidence=0.0), *trials[before + 1 : last])
+        near += [trial for trial in against if trials[last].evidence - trial.evidence < CLEAR]
+    for trial in near:
+        fit.form = trial.form
+        start = carry_over(at.form, at.ratios, trial.form)
+        ends.append(_minimise(fit, start, at.prepared, at.causes, is_searched=False))
+    fit.form = at.form
+    return ends
+
+
+def _timed_otherwise(fit: Fit, at: Found, others: Sequence[Timed]) -> list[Found]:
+    """The minima, for all operations, with another delay, or none, and the form that goes with it."""
+    ends = list[Found]()
+    for other in others:
+        fit.form, ratios = last_taken(other.trials)[:2]
+        ends.append(_minimise(fit, ratios, other.prepared, other.causes, is_searched=False))
     fit.form = at.form
     return ends
 
@@ -298,7 +329,7 @@ def _with_others(result: Identified, at: Found, others: Sequence[Found]) -> Iden
     def shift(end: Found, name: str) -> float:
         if name in (*end.form.fitted, "coil_resistance"):
             return logarithm(end, name) - logarithm(at, name)
-        return float(name in LOSSES)  # none: all of it
+        return float(name in (*LOSSES, FILTER))  # none: all of it
 
     none = [0.0] * len(result.uncertainty.causes)
     shifts = [np.array([*(shift(end, name) for name in result.names), *none]) for end in alike]
@@ -357,10 +388,16 @@ def _evidence(before: Found, after: Found) -> float:
 
 
 def _forms(known: Device, form: Form, sought: Sought) -> list[Form]:
-    """The plain form and another one that was taken, each without eddy currents and with them."""
-    first, eddy = plain(known, sought), sought._replace(forms=("eddy",))
-    made = [first, *larger(first, eddy)]
-    return made if any(form.added == one.added for one in made) else [*made, form, *larger(form, eddy)]
+    """The plain form and another one that was taken, each without what is sought and with one part of it."""
+    first = plain(known, sought)
+    made = [first, *larger(first, sought)]
+    return made if any(form.added == one.added for one in made) else [*made, form, *larger(form, sought)]
+
+
+def _beside(sought: Sought, trials: Sequence[Trial]) -> Sought:
+    """What places of edges look much like: eddy currents, and a filter of the current if anything is for it."""
+    is_seen = any("filter" in trial.form.added and trial.evidence > 0.0 for trial in trials)
+    return sought._replace(forms=("eddy", "filter") if is_seen else ("eddy",))
 
 
 def _left(at: Found) -> Vector:

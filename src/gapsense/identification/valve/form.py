@@ -1,6 +1,7 @@
 """What is sought of a valve and what is held: its parameters by name, the plain form, and what may be added to it.
 
-Added may be eddy currents, hysteresis, and fringes of the gap.  First guesses are in proportion to what is known.
+Added may be eddy currents, hysteresis, fringes of the gap, and a low-pass of the current alone.
+First guesses are in proportion to what is known.
 """
 
 from __future__ import annotations
@@ -73,7 +74,8 @@ SHAPE = "gap_shape_"  # and a number, of the gap law
 TABLE_FIELDS = ("gap_file_reluctance", "gap_file_slope")
 LOST = 1.0  # relative standard error
 FACTOR = "coil_factor"  # no parameter of the device, but one on the resistances of (23)
-GUESSED = ("core_eddy", "core_hysteresis", "core_turnover", "gap_window", "gap_area")
+FILTER = "current_filter"  # likewise, but the time constant of what the current was measured through
+GUESSED = ("core_eddy", "core_hysteresis", "core_turnover", "gap_window", "gap_area", FILTER)
 LIMITS = {**dict.fromkeys(GUESSED, WIDE), "core_turnover": 10.0}  # below, hysteresis is friction; beyond, a reluctance
 HIGHEST = {"core_saturation": 100.0}  # upwards: of a core that hardly saturates no guess is near
 
@@ -251,6 +253,7 @@ ADDED: dict[str, Callable[[Form], tuple[Device, dict[str, float]]]] = {
     "eddy": with_eddy,
     "hysteresis": with_hysteresis,
     "fringing": with_fringing,
+    "filter": lambda form: (with_losses(form.known), {FILTER: 1e-5}),
 }
 
 

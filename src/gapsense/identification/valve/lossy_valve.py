@@ -36,6 +36,7 @@ class Parameters(NamedTuple):
     core_turnover: Scalar  # l_h, flux linkage in which h turns over [Wb]
     coil_factor: Scalar  # of the resistance; (23) is wrong where the core stays magnetised [1]
     core_remanence: Scalar = 0.0  # what is left of I_h at the start, as after an operation: 0 to 1 [1]
+    current_filter: Scalar = 0.0  # time constant of a low-pass of the current alone, see `model.simulate` [s]
 
 
 class State(NamedTuple):

@@ -12,13 +12,13 @@ import numpy.typing as npt
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification.causes import BESIDE, PLACE, Signals, apply_causes, edges, is_place, of_record
 from gapsense.identification.least_squares import Matrix, finite
-from gapsense.identification.measurements.low_pass import Filtered, weights
+from gapsense.identification.measurements.low_pass import Filtered, LowPass, weights
 from gapsense.identification.measurements.operations import Flux, Operation, coil, estimate, operations, trapezoid
 from gapsense.identification.measurements.record import Record, Vector, between, place_jumps, read_each
 from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.identification.measurements.switching import Carrier, carrier, rises
 from gapsense.identification.valve import lossy_valve
-from gapsense.identification.valve.form import FACTOR, Device, Form, kernel_of, output_getter
+from gapsense.identification.valve.form import FACTOR, FILTER, Device, Form, kernel_of, output_getter, replace_values
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Array, Plan, over_runs, plan
 from gapsense.kernels.lanes.kernels import columns_of
@@ -137,14 +137,15 @@ def simulate(
 ) -> Trajectory:
     """The model from rest on, at each sample; the resistance is that of the interval before it.
 
-    Its current is that behind a low-pass, without its mean delay, if there is one.
+    Its current is that behind the low-pass of both channels, and that of the current alone, if there are any, without
+    their mean delays.
 
     Where the voltage jumps within an interval, that is two steps: in saturation the flux follows so fast that
     the mean voltage alone would bias the parameters by up to 2 % at 50 us.
     """
-    if filtered:
-        model = simulate(par, _single(halves), 0.5 * dt, resistance.repeat(2))
-        return Trajectory(behind(filtered, model.current), model.flux_linkage[1::2], model.position[1::2])
+    if filters := filters_of(par, dt, filtered):
+        model = simulate(without_filter(par), _single(halves), 0.5 * dt, resistance.repeat(2))
+        return Trajectory(behind(filters, model.current), model.flux_linkage[1::2], model.position[1::2])
     kernel, resistances = kernel_of(par), resistance.tolist()
     step, look = kernel.scalar["step"], output_getter(kernel)
     course = follow(halves)
@@ -213,10 +214,23 @@ def _single(halves: Vector) -> Vector:
     return np.asarray(halves.reshape(-1, 1).repeat(2, axis=1))
 
 
-def behind(filtered: Filtered, x: Vector) -> Vector:
-    """Half samples (2 n,) at the samples, behind a low-pass without its mean delay (n,)."""
-    by = weights(filtered.low_pass)
-    return np.convolve(np.pad(x, by.size // 2, mode="edge"), by, mode="valid")[1::2]
+def filters_of(par: Device, dt: float, filtered: Filtered | None) -> list[LowPass]:
+    """What the current of a model is measured through, in samples."""
+    own = float(getattr(par, FILTER, 0.0)) / dt
+    both = [filtered.low_pass] if filtered else []
+    return [*both, LowPass(own)] if own > 0.0 else both
+
+
+def without_filter(par: Device) -> Device:
+    """The device whose current is measured as it is."""
+    return replace_values(par, **{FILTER: 0.0}) if FILTER in par._fields else par
+
+
+def behind(filters: Sequence[LowPass], x: Vector) -> Vector:
+    """Half samples (2 n,) at the samples, behind low-passes without their mean delays (n,)."""
+    for by in map(weights, filters):
+        x = np.convolve(np.pad(x, by.size // 2, mode="edge"), by, mode="valid")
+    return x[1::2]
 
 
 def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
@@ -301,12 +315,14 @@ def simulate_currents(pars: Sequence[Device], experiment: Experiment) -> list[Ve
 
 def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Response]:
     """What is fitted of each model; one after the other in scalar Python where no compiler is."""
-    if (found := experiment.filtered) is not None:
+    filters = [filters_of(par, experiment.dt, experiment.filtered) for par in pars]
+    if any(filters):
         halves, R = _single(experiment.halves), experiment.resistance.repeat(2)
         fine = experiment._replace(dt=0.5 * experiment.dt, halves=halves, resistance=R, filtered=None)
-        runs = simulate_batch(pars, fine._replace(current=experiment.current.repeat(2)))
+        runs = simulate_batch([*map(without_filter, pars)], fine._replace(current=experiment.current.repeat(2)))
         return [
-            Response(behind(found, run.current), None if run.position is None else run.position[1::2]) for run in runs
+            Response(behind(by, run.current), None if run.position is None else run.position[1::2])
+            for by, run in zip(filters, runs)
         ]
     kernel, with_position = kernel_of(pars[0]), experiment.position is not None
     halves, R = experiment.halves, experiment.resistance

@@ -38,6 +38,7 @@ from gapsense.identification.valve.errors import likely_causes
 from gapsense.identification.valve.fit import Identified
 from gapsense.identification.valve.form import (
     FACTOR,
+    FILTER,
     LOSSES,
     TABLE_FIELDS,
     Device,
@@ -52,6 +53,7 @@ from gapsense.tables import Value
 
 PORTS = {port.field: port for port in load_component(own("solenoid_valve")).of("parameter")}
 PORTS |= {port.field: port for port in load_component(own("ekf")).of("parameter") if port.field in LOSSES}
+PORTS[FILTER] = Port("current.filter", "parameter", "s", "Time constant of a low-pass of the current alone")
 PORTS[TABLE_FIELDS[0]] = Port("gap.file", "parameter", "1", "Factor on the table of the gap law")
 BY_NAME = {port.name: port for port in PORTS.values()}
 
@@ -108,7 +110,7 @@ def write_valve(
     notes: Sequence[str] = (),
 ) -> Path:
     """Write a parameter-set file for scenarios, `gapsense build` and `gapsense estimate`, with notes as comments."""
-    names = [name for name in PORTS if not name.startswith(("gap", "micro_step")) and name not in LOSSES]
+    names = [name for name in PORTS if not name.startswith(("gap", "micro_step", FILTER)) and name not in LOSSES]
     if isinstance(par := result.parameters, lossy_valve.Parameters):  # with the losses that the device has
         names += [*LOSSES[:1] * (par.core_eddy > 0.0), *LOSSES[1:] * (par.core_hysteresis > 0.0)]
     entries = [
@@ -147,8 +149,8 @@ def found(result: Identified, name: str) -> float:
 
 
 def valve_errors(result: Identified) -> dict[str, float]:
-    """Standard errors by parameter, in its unit."""
-    named = {name: error for name, error in result.errors.items() if name not in TABLE_FIELDS}
+    """Standard errors by parameter of the device, in its unit."""
+    named = {name: error for name, error in result.errors.items() if name not in (*TABLE_FIELDS, FILTER)}
     return {PORTS[name].name: error * found(result, name) for name, error in named.items()}
 
 
@@ -195,6 +197,10 @@ LOUD = 4e-3  # noise, of the largest current, that hides losses which move turns
 UNSEEN = (
     "Of the losses of a core, {} were not seen, but noise of {:.2g} % of the largest current may hide some, or flux"
     " that was left before the record. Then turns and core are further off than stated, above all with short strokes."
+)
+FILTERED = (
+    "The current alone comes through a low-pass of first order with a corner of about {}: the current of the model is"
+    " filtered alike, and its mean delay is a delay of the current. Estimators know no such filter: record without it."
 )
 STRONG = 0.95  # correlation from which two parameters can hardly be told apart
 
@@ -301,6 +307,8 @@ def remarks(result: Identified) -> list[str]:
             f"The {len(result.places)} edges of the voltage lie differently between two samples: the place of each is"
             " sought, and its doubt is in the standard errors."
         )
+    if filtered := float(getattr(result.parameters, FILTER, 0.0)):
+        said.append(FILTERED.format(quantity(0.5 / np.pi / filtered, "Hz")))
     said += [PWM.format(c.samples, quantity(c.doubt, "V")) for c in result.carriers[:1]]
     for r in result.residuals:
         said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
