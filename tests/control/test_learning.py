@@ -121,8 +121,8 @@ def test_change_in_each_operation_is_expected_again():
     law, H, noise = laws.first(3.4e-3, PAR), np.eye(NUMBERS)[:1], np.array([0.1])
     steady, still = law, law
     for _ in range(5):
-        steady = learning._learnt(steady, np.array([-0.05]), H, noise, True, np.ones(4))
-        still = learning._learnt(still, np.array([-0.05]), H, noise, False, np.ones(4))
+        steady = learning._learnt(steady, np.array([-0.05]), H, noise, learning.TREND, np.ones(4))
+        still = learning._learnt(still, np.array([-0.05]), H, noise, 0.0, np.ones(4))
     assert steady.trend[0] < 0.0 and not np.any(np.array(still.trend, float))
     assert steady.mean[0] < still.mean[0] < 0.0
     assert not np.any(np.array(laws.doubted(steady, PAR).trend, float))

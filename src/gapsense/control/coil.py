@@ -9,7 +9,7 @@ from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Scalar, blank
 from gapsense.kernels.trace import clip, fabs, not_, sqrt, square, where
 
-FOLLOWED, GAINS = 0.5e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
+FOLLOWED, GAINS = 0.1e-3, (0.5, 1.5)  # time in which the gain of the bridge is followed [s], and where it stays
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]

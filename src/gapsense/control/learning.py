@@ -20,7 +20,9 @@ from gapsense.kernels.layout import Array, Scalar, flat, record
 from gapsense.kernels.linalg import diagonal, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, load, not_, square, where, where_each
 
-TREND, KEEP, CLEAR = 0.07, 0.95, 3.0  # part of a change that is expected again, and kept; cycles until there is one
+# part of a change that is expected again (of a half bridge, whose flux decays by itself), and kept; cycles until there
+# is one
+TREND, OF_HALF, KEEP, CLEAR = 0.1, 0.07, 0.95, 3.0
 AT_ONCE = 2  # samples of a pass that are taken in a step
 BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
 # share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of a cycle
@@ -128,7 +130,8 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     H = matrix([[1.0, x0, 0.0, 0.0], by_law, by_speed])
     is_steady = is_soft & not_(is_noisy) & (state.since_plain > CLEAR)
     wilder = [where(is_noisy, where(course.half > 0.0, closing, opening), 1.0) for opening, closing in zip(*WILDER)]
-    learnt = _learnt(law, innovation, H, noise, is_steady, vector(wilder))
+    again = where(is_steady, where(par.voltage_least < 0.0, TREND, OF_HALF), 0.0)
+    learnt = _learnt(law, innovation, H, noise, again, vector(wilder))
     return state._replace(laws=laws.write(state.laws, course.half, learnt))
 
 
@@ -138,11 +141,11 @@ def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:
     return vector([old + where(is_first, 1.0, share) * (new - old) for new, old in zip(slopes, law.slopes)])
 
 
-def _learnt(law: Law, innovation: Array, H: Array, noise: Array, is_steady: Scalar, wilder: Array) -> Law:
-    """No number changes by much at once."""
+def _learnt(law: Law, innovation: Array, H: Array, noise: Array, again: Scalar, wilder: Array) -> Law:
+    """No number changes by much at once; a part of a change is expected again."""
     q, P = condition(Gaussian(law.mean, law.cov), innovation, H, noise)
     change = [clip(new - old, -FARTHEST, FARTHEST) for new, old in zip(q, law.mean)]
-    trend = vector([where(is_steady, KEEP * old + TREND * more, 0.0) for old, more in zip(law.trend, change)])
+    trend = vector([where(again > 0.0, KEEP * old + again * more, 0.0) for old, more in zip(law.trend, change)])
     mean = vector([clip(old + more + ramp, -LARGEST, LARGEST) for old, more, ramp in zip(law.mean, change, trend)])
     wander = diagonal([square(w * drift) for w, drift in zip(wilder, DRIFT)])
     return law._replace(mean=mean, trend=trend, cov=P + wander)
