@@ -20,8 +20,6 @@ from gapsense.kernels.linalg import vector
 
 from .batch import Variant, Varied, compiled, varied_model
 
-BLOCK = 100  # runs at once: the arrays (runs, N) then stay in the cache
-
 
 class Reference(NamedTuple):
     """States (47) of all samples: (N,), and the two errors (runs, N)."""
@@ -40,8 +38,21 @@ def reference_states(samples: Any, varied: Varied, m: Model) -> Reference:
     m (z_next - f_z*(z, z_prev, lambda, 0, q)) / T_s^2 (47d), so that the position has no process noise.
     The samples, of SI units, are at multiples of T_s, and the mover rests at both ends of them.
     """
-    at = _at(samples, m)
-    return Reference(at.z, at.z_prev, at.lam, *_over_runs(_error_code(m), at, varied))
+    at, columns = _at(samples, m), np.stack([np.atleast_1d(value) for value in varied])
+    errors = plan_of_errors(m, samples.time.size).run(columns.shape[1], varied=columns, **at._asdict())
+    return Reference(at.z, at.z_prev, at.lam, *np.split(errors.T, 2, axis=1))
+
+
+@cache
+def plan_of_errors(m: Model, count: int) -> Plan:
+    """The plan of both errors of so many samples; each entry of `_At` is a column."""
+
+    def errors(varied: Row, **at: Row) -> Row:
+        """Those of the current of all samples, then those of the force."""
+        each = [_error_code(m)(_At(*row), varied) for row in zip(*at.values())]
+        return tuple(error for errors in zip(*each) for error in errors)
+
+    return plan(errors, varied=len(Varied._fields), **dict.fromkeys(_At._fields, count))
 
 
 def reference_state(samples: Any, k: int, varied: Varied, m: Model) -> Row:
@@ -62,8 +73,7 @@ def process_noise(samples: Any, varied: Varied, m: Model) -> Floats:
 def squared_noise(samples: Any, varied: Varied, m: Model) -> Floats:
     """Sums of w^2 over the cycle, w_k = x_(k+1) - f(x_k, u_k) (59), of all states and runs: (5, runs)."""
     columns = np.stack([np.atleast_1d(value) for value in varied])
-    given = dict(zip(_At._fields, _at(samples, m)))
-    return plan_of_noise(m, samples.time.size).run(columns.shape[1], varied=columns, **given)
+    return plan_of_noise(m, samples.time.size).run(columns.shape[1], varied=columns, **_at(samples, m)._asdict())
 
 
 @cache
@@ -94,13 +104,6 @@ def _at(samples: Any, m: Model) -> _At:
         current=samples.current,
         mode=samples.mode,
     )
-
-
-def _over_runs(code: Code, at: Row, varied: Varied) -> list[Floats]:
-    """Results (runs, N) of generated code: the runs as a column beside the row of the samples."""
-    columns = [np.atleast_1d(value)[:, None] for value in varied]
-    blocks = [[value[k : k + BLOCK] for value in columns] for k in range(0, len(columns[0]), BLOCK)]
-    return [np.concatenate(parts) for parts in zip(*(code(at, block) for block in blocks))]
 
 
 class _At(NamedTuple):

@@ -12,8 +12,11 @@ from gapsense.scenarios.soft_landing.consistency import BOUND, INTERVAL, consist
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 
 
-def row_of(x, P):
-    return (*x.T, *(P[:, i, j] for i, j in zip(*np.triu_indices(5))))
+def errors_of(x, P, true):
+    """Normalised errors, squared and those of each state, of (runs,) estimates."""
+    rows = np.column_stack([x, P[(slice(None), *np.triu_indices(5))]])
+    found = [normalised_errors(Variant())(tuple(row), tuple(to)) for row, to in zip(rows.tolist(), true.tolist())]
+    return np.array(found).T
 
 
 def covariances(count, rank=5):
@@ -25,7 +28,7 @@ def covariances(count, rank=5):
 def test_normalised_errors_are_those_of_the_inverse():
     P, x, _ = covariances(30)
     true = np.full((30, 5), 0.3) * UNIT
-    nees, *nee = normalised_errors(Variant())(row_of(x, P), (*true.T,))
+    nees, *nee = errors_of(x, P, true)
     expected = [d @ np.linalg.solve(C, d) for d, C in zip(x - true, P)]
     np.testing.assert_allclose(nees, expected, rtol=1e-6)
     np.testing.assert_allclose(np.transpose(nee), (x - true) / np.sqrt(P[:, range(5), range(5)]), rtol=1e-12)
@@ -36,7 +39,7 @@ def test_directions_without_variance_do_not_count():
     P, x, _ = covariances(20)
     P[:, 1, :] = P[:, :, 1] = 0.0
     x[:, 1] = 0.0
-    nees, *nee = normalised_errors(Variant())(row_of(x, P), (0.0,) * 5)
+    nees, *nee = errors_of(x, P, np.zeros_like(x))
     kept = [0, 2, 3, 4]
     expected = [d[kept] @ np.linalg.solve(C[np.ix_(kept, kept)], d[kept]) for d, C in zip(x, P)]
     np.testing.assert_allclose(nees, expected, rtol=1e-6)
@@ -47,7 +50,7 @@ def test_normal_errors_of_singular_covariances_have_as_many_degrees_of_freedom_a
     _, _, L = covariances(4000, rank=4)
     P = L @ L.transpose(0, 2, 1)
     x = (L @ np.random.default_rng(5).standard_normal((4000, 4, 1)))[:, :, 0]
-    nees, *_ = normalised_errors(Variant())(row_of(x, P), (0.0,) * 5)
+    nees, *_ = errors_of(x, P, np.zeros_like(x))
     assert np.mean(nees) == pytest.approx(4.0, abs=0.2)
     assert np.mean(nees < chi2.ppf(0.9, 4)) == pytest.approx(0.9, abs=0.02)
 
