@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from gapsense.kernels.lanes import plan
 from gapsense.scenarios.soft_landing.batch import Variant, normalised_errors
 from gapsense.scenarios.soft_landing.consistency import BOUND, INTERVAL, consistency
 
@@ -15,8 +16,8 @@ UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 def errors_of(x, P, true):
     """Normalised errors, squared and those of each state, of (runs,) estimates."""
     rows = np.column_stack([x, P[(slice(None), *np.triu_indices(5))]])
-    found = [normalised_errors(Variant())(tuple(row), tuple(to)) for row, to in zip(rows.tolist(), true.tolist())]
-    return np.array(found).T
+    errors = plan(normalised_errors(Variant()), rows=rows.shape[1], true=5)
+    return errors.run(len(x), rows=rows.T, true=true.T)
 
 
 def covariances(count, rank=5):
