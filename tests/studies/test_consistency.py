@@ -16,7 +16,7 @@ UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 def errors_of(x, P, true):
     """Normalised errors, squared and those of each state, of (runs,) estimates."""
     rows = np.column_stack([x, P[(slice(None), *np.triu_indices(5))]])
-    errors = plan(normalised_errors(Variant()), rows=rows.shape[1], true=5)
+    errors = plan(lambda rows, true: normalised_errors(Variant())(rows, true), rows=rows.shape[1], true=5)
     return errors.run(len(x), rows=rows.T, true=true.T)
 
 
