@@ -10,7 +10,7 @@ from relay import RELAY
 
 from gapsense.actuators import solenoid_valve as valve
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import over_runs
+from gapsense.kernels.lanes import stepped
 from gapsense.kernels.layout import flat
 from gapsense.studies.devices import VALVE
 
@@ -154,19 +154,16 @@ def test_source_and_generated_code_give_the_same_bits(kernel, law):
 def test_many_runs_at_once_equal_single_runs(kernel, law):
     par = VALVE._replace(gap_law=law, micro_step=50e-6)
     high = np.array([24.0, 20.0, 5.0, -22.0])
-    tables = {name: np.array(getattr(par, name)) for name in par._fields if name.startswith("gap_file")}
-    over, flat_par = over_runs(kernel), flat(par._replace(**tables))
-    batch, _ = over.initial(flat(REST), flat_par)
-    constants = over.constants(flat_par)
-    singles, modes = [kernel.initial(REST, par)[0]] * 4, set()
-    for k in range(18):
-        u = high if k < 7 else 0.0 * high
-        batch, _ = over.advance(batch, (0.0, 0.5e-3, u), constants)
-        singles = [kernel.step(s, valve.Inputs(0.0, 0.5e-3, float(x)), par)[0] for s, x in zip(singles, u)]
-        modes.add(singles[0].mode)
-    expected = np.array(singles).T
-    for found, wanted in zip(batch, expected):
-        assert np.broadcast_to(found, 4) == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+    inputs = [[np.zeros(4), np.full(4, 0.5e-3 if k else 0.0), high if 0 < k < 8 else np.zeros(4)] for k in range(19)]
+    found = stepped(kernel, np.array(inputs), flat(par))
+    modes = set()
+    for run in range(4):
+        state, outputs = kernel.initial(REST, par)
+        for k, sample in enumerate(found):
+            if k:
+                state, outputs = kernel.step(state, valve.Inputs(*(float(x[run]) for x in inputs[k])), par)
+            assert sample[:, run].tolist() == flat(outputs)
+            modes.add(state.mode)
     assert modes == {1.0, 2.0, 3.0}
 
 

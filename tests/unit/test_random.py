@@ -13,7 +13,7 @@ from scipy import stats
 
 from gapsense.kernels import random
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import Code
+from gapsense.kernels.lanes import Code, plan
 from gapsense.kernels.layout import Array, Scalar, Vector, flat
 from gapsense.kernels.linalg import vector
 
@@ -57,15 +57,16 @@ KERNEL = Kernel(
 @pytest.fixture(scope="module")
 def draws():
     """Five draws of normal and uniform numbers, (5, RUNS) each, for the seeds 0, 1, 2, ..."""
-    seeds = [np.arange(RUNS, dtype=float)]
-    initial, step = map(Code, KERNEL.graphs)
-    state, _ = initial([0.0], seeds)
-    z, u = [], []
-    for _ in range(5):
-        state, outputs = step(state, [0.0], seeds)
-        z.append(outputs[0])
-        u.append(outputs[1])
-    return np.array(z), np.array(u)
+
+    def drawn(seeds):
+        initial, step = map(Code, KERNEL.graphs)
+        state, _ = initial([0.0], seeds)
+        for _ in range(5):
+            state, outputs = step(state, [0.0], seeds)
+            yield from outputs
+
+    rows = plan(lambda seeds: [*drawn(seeds)], seeds=1).run(RUNS, seeds=np.arange(RUNS, dtype=float)[None])
+    return rows[0::2], rows[1::2]
 
 
 @pytest.fixture(scope="module")
