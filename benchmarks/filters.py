@@ -62,11 +62,10 @@ def main() -> None:
     table.add_column("remark")
     if parser.parse_args().figure_9:
         table.add_row("all of Fig. 9, 130,000 runs", f"{figure_9():.1f} s", "not nanoseconds")
-    runs = {1000: steps_of(study, 1000), CHUNK: steps_of(study, CHUNK), 1: steps_of(study, 1)}
-    for k, what in enumerate(STEPS):
+    for what, (code, rows) in zip(STEPS, steps_of(study)):
         for count in (1000, CHUNK):
-            table.add_row(f"{what}, C over {count} runs", f"{in_lanes(*runs[count][k]):.1f}", "as in the studies")
-        table.add_row(f"{what}, scalar Python", f"{alone(*runs[1][k]):.0f}", "without a compiler")
+            table.add_row(f"{what}, C over {count} runs", f"{in_lanes(code, rows, count):.1f}", "as in the studies")
+        table.add_row(f"{what}, scalar Python", f"{alone(code, rows):.0f}", "without a compiler")
     ours, states = component(study)
     table.add_row("component Ekf, generated Python", f"{ours:.0f}", "what its FMU runs")
     table.add_row("component Ekf, generated C", f"{1e3 * in_c('gapsense.estimators.ekf', single=False):.0f}", "gcc -O2")
@@ -93,11 +92,11 @@ def figure_9() -> float:
     return perf_counter() - begin
 
 
-def steps_of(study: Study, runs: int) -> list[tuple[Code, list[Row]]]:
-    """A step of each of `STEPS` and the rows that it takes, in the middle of the making."""
+def steps_of(study: Study) -> list[tuple[Code, list[Row]]]:
+    """A step of each of `STEPS` and the rows of a run that it takes, in the middle of the making."""
     s, m = study.samples, study.model
-    varied = perturbed(m, 0.01 * errors(1, 0, runs))
-    current = s.current[:, None] + noise(1, 0, runs, s.time.size, TUNING.noise_current)
+    varied = Varied(*(float(np.squeeze(value)) for value in perturbed(m, 0.01 * errors(1, 0, 1))))
+    current = (s.current + noise(1, 0, 1, s.time.size, TUNING.noise_current)[:, 0]).tolist()
     motion = next(filtered(s, current, varied, Estimator(Variant(), TUNING, m)))
     middle = len(motion.filtered) // 2
     voltage = float(s.voltage[motion.first + middle])
@@ -112,10 +111,9 @@ def steps_of(study: Study, runs: int) -> list[tuple[Code, list[Row]]]:
     ]
 
 
-def in_lanes(code: Code, rows: list[Row]) -> float:
-    """As calls of a plan."""
-    runs = np.size(rows[0][0])
-    columns = {f"row_{k}": np.array([np.broadcast_to(entry, runs) for entry in row]) for k, row in enumerate(rows)}
+def in_lanes(code: Code, rows: list[Row], runs: int) -> float:
+    """As calls of a plan; what a run takes does not depend on its numbers."""
+    columns = {f"row_{k}": np.array([np.full(runs, entry) for entry in row]) for k, row in enumerate(rows)}
 
     def repeated(**columns: Row) -> Row:
         return [code(*columns.values()) for _ in range(REPEATS)][-1]
@@ -127,8 +125,7 @@ def in_lanes(code: Code, rows: list[Row]) -> float:
 
 def alone(code: Code, rows: list[Row]) -> float:
     """One run in scalar Python."""
-    values = [tuple(float(np.squeeze(entry)) for entry in row) for row in rows]
-    return 1e9 * best(lambda: code.python(*values), 1000)
+    return 1e9 * best(lambda: code.python(*rows), 1000)
 
 
 def component(study: Study) -> tuple[float, Any]:
