@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy import stats
 
 from gapsense.many import store as of
@@ -172,3 +175,15 @@ def test_bins_of_values_that_differ_by_rounding_have_the_size_of_the_values(valu
     values = value * np.array([1.0, 1.0 + 3e-16, 1.0])
     edges = summary.edges(values)
     assert edges[-1] - edges[0] == pytest.approx(value or 1.0) and (np.diff(edges) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("unit", "values", "label", "number"),
+    [("m", [0.0, 2e-5], "a\n/ um", "20"), ("1", [0.0, 0.02], "a", None), ("", ["up", "down"], "a", None)],
+)
+def test_axis_has_the_prefix_that_suits_a_unit_and_none_without_one(unit, values, label, number):
+    axis = Figure().subplots().yaxis
+    before = axis.get_major_formatter()
+    campaigns.scale(axis, SimpleNamespace(units={"a": unit}, column=lambda _: np.array(values)), "a")
+    assert axis.get_label_text() == label
+    assert axis.get_major_formatter() is before if number is None else axis.get_major_formatter()(2e-5) == number

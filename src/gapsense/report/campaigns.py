@@ -13,7 +13,7 @@ from gapsense.many.result import Campaign
 from gapsense.many.summary import Cloud
 from gapsense.problems import InputError, suggest
 from gapsense.report.distributions import Bars, Distributions, Points
-from gapsense.report.table import add_row, prefixed, quantity, table
+from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -115,10 +115,14 @@ def chosen(names: Sequence[str], known: Sequence[str], what: str) -> list[str]:
 
 def scale(axis: Any, campaign: Campaign, name: str) -> None:
     """Label an axis, and the numbers along it, in the unit with the prefix that suits the largest value."""
-    values = campaign.column(name)
-    factor, unit = prefixed(float(np.nanmax(np.abs(values), initial=0.0)), campaign.units.get(name, ""))
+    from gapsense.report import plot
+
+    unit = campaign.units.get(name, "")
     axis.set_label_text(labelled(name, unit))
-    axis.set_major_formatter(lambda value, _: f"{value / factor:.6g}")
+    if unit not in ("", "1"):  # texts and plain numbers stay as they are
+        label, factor = plot.suited(name, unit, campaign.column(name))
+        axis.set_label_text(label.replace(" / ", "\n/ "))
+        axis.set_major_formatter(lambda value, _: f"{factor * value:.6g}")
 
 
 def labelled(name: str, unit: str) -> str:
