@@ -6,6 +6,7 @@ what is then left of its transition from sample to sample.  For one model or for
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
@@ -38,9 +39,14 @@ def reference_states(samples: Any, varied: Varied, m: Model) -> Reference:
     m (z_next - f_z*(z, z_prev, lambda, 0, q)) / T_s^2 (47d), so that the position has no process noise.
     The samples, of SI units, are at multiples of T_s, and the mover rests at both ends of them.
     """
-    at, columns = _at(samples, m), np.stack([np.atleast_1d(value) for value in varied])
-    errors = plan_of_errors(m, samples.time.size).run(columns.shape[1], varied=columns, **at._asdict())
+    at, errors = _at(samples, m), _run(plan_of_errors, samples, varied, m)
     return Reference(at.z, at.z_prev, at.lam, *np.split(errors.T, 2, axis=1))
+
+
+def _run(made: Callable[[Model, int], Plan], samples: Any, varied: Varied, m: Model) -> Floats:
+    """What a plan over the samples gives, (results, runs)."""
+    columns = np.stack([np.atleast_1d(value) for value in varied])
+    return made(m, samples.time.size).run(columns.shape[1], varied=columns, **_at(samples, m)._asdict())
 
 
 @cache
@@ -72,8 +78,7 @@ def process_noise(samples: Any, varied: Varied, m: Model) -> Floats:
 
 def squared_noise(samples: Any, varied: Varied, m: Model) -> Floats:
     """Sums of w^2 over the cycle, w_k = x_(k+1) - f(x_k, u_k) (59), of all states and runs: (5, runs)."""
-    columns = np.stack([np.atleast_1d(value) for value in varied])
-    return plan_of_noise(m, samples.time.size).run(columns.shape[1], varied=columns, **_at(samples, m)._asdict())
+    return _run(plan_of_noise, samples, varied, m)
 
 
 @cache

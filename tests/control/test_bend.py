@@ -105,7 +105,7 @@ def test_pieces_are_longer_with_noise_so_that_a_stop_that_is_left_at_once_is_tol
 def test_time_of_a_contact_tells_hard_landings_that_are_early_or_much_too_late(half):
     """What noise hides in the current; a landing in time says nothing, and one that is a little late neither."""
     state = noisy(hit(half, 0.1))
-    due = bend.due(bend._plan(state.running, PAR), PAR) - round(bend.SEATED / PAR.sample_time)
+    due = bend.due(bend.running_plan(state.running, PAR), PAR) - round(bend.SEATED / PAR.sample_time)
 
     def timed(late):
         landing = due + round(late / PAR.sample_time)
@@ -123,7 +123,7 @@ def test_bend_of_a_core_that_saturates_is_no_hit():
     since = (np.arange(LONGEST) - 225.0) * PAR.sample_time
     fluxes = np.clip(0.01 + np.where(since < 0.0, -2.0, 3.5) * since, 0.0, 0.016)
     state = hit(CLOSING, 0.08, 290.0, fluxes, 2500.0)
-    due = bend.due(bend._plan(state.running, PAR), PAR)
+    due = bend.due(bend.running_plan(state.running, PAR), PAR)
     state = watched(state._replace(running=state.running._replace(due=due)), 290.0)
     assert bend._impact(state, 225.0, PAR)[0] > 0.5
     assert state.heard.landing == 290.0 and state.heard.hit == 0.0
@@ -132,7 +132,7 @@ def test_bend_of_a_core_that_saturates_is_no_hit():
 
 def whole(state):
     """An operation that has lasted longer than its plan, without a contact."""
-    plan = bend._plan(state.running, PAR)
+    plan = bend.running_plan(state.running, PAR)
     return state._replace(running=state.running._replace(age=490.0, due=bend.due(plan, PAR)), by_model=1.0)
 
 

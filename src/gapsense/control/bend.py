@@ -76,7 +76,7 @@ def watched(state: State, par: Parameters) -> Heard:
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
     def near() -> tuple[Scalar, Scalar]:
-        plan = _plan(running, par)
+        plan = running_plan(running, par)
         is_near = at * par.sample_time > plan.lead + where(running.command > 0.5, *NEAR) * plan.travel
         is_near = is_near & (running.age * par.sample_time <= plan.lead + arrival(plan) + choose_bounds(state).latest)
         here = running.command * LONGEST + where(at > 0.0, at, 0.0)
@@ -108,13 +108,14 @@ def _impact(state: State, at: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     return speed - _braked(state.running, at, par), noise
 
 
-def _plan(running: Running, par: Parameters) -> Operation:
+def running_plan(running: Running, par: Parameters) -> Operation:
+    """The plan of the operation that goes on, its lead apart."""
     return planned(running.command, running.speed, running.travel, 0.0, par)
 
 
 def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
     """What the plan itself takes from the speed between the pieces around a sample [m/s]."""
-    plan, m, n = _plan(running, par), make_mover(par), running.piece
+    plan, m, n = running_plan(running, par), make_mover(par), running.piece
     before, after = (path((at + k) * par.sample_time - plan.lead, plan, m).velocity for k in (-1.0 - n, n))
     return where(plan.is_closing, after - before, before - after)
 

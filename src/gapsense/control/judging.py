@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import arrived, is_of_core, landed
+from gapsense.control.bend import arrived, is_of_core, landed, running_plan
 from gapsense.control.coil import left_open, raised, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
@@ -104,7 +104,7 @@ def judged_by_current(state: State, par: Parameters) -> State:
 def _timed(state: State, par: Parameters) -> Scalar:
     """Speed with which a mover has landed earlier than planned, or so late that it had been let go [m/s]."""
     heard, running, m = state.heard, state.running, make_mover(par)
-    plan = planned(running.command, running.speed, running.travel, 0.0, par)
+    plan = running_plan(running, par)
     tau = heard.landing * par.sample_time - plan.lead
     at = path(tau, plan, m)
     early = fabs(at.velocity) + AHEAD * fabs(at.position - stops(plan.is_closing, m)[1])
@@ -120,7 +120,7 @@ def _most(speed: Scalar) -> Scalar:
 def _with_hit(state: State, par: Parameters) -> Heard:
     """A stop that the current tells, where the contact comes much later than planned, or not at all."""
     heard, running = without_core(state, par).heard, state.running
-    plan = planned(running.command, running.speed, running.travel, 0.0, par)
+    plan = running_plan(running, par)
     late = heard.landing * par.sample_time - plan.lead - arrival(plan)
     is_after_it = (heard.landing - heard.hit) * par.sample_time > TARDY
     is_before = (heard.hit > 0.0) & ((heard.landing < 1.0) | (late > TARDY) | is_after_it)
