@@ -131,7 +131,7 @@ def test_a_step_is_sought_again_with_more_on_the_diagonal(n: float, more: float)
     work = state_of(c).work
     work = solve._damp(work._replace(fit=work.fit._replace(whole=whole)), n, par)
     factors = [1.0 + more * (i == j) for i, j in window.PAIRS]
-    np.testing.assert_allclose(work.fit.normal, np.multiply(whole, factors), rtol=1e-12)
+    np.testing.assert_allclose(work.fit.inverse, np.multiply(whole, factors), rtol=1e-12)
     assert work.phase == window.Phase.solving and work.fit.shortenings == n
     assert solve.damping(work, n, blind()) == 0.0
 
