@@ -240,7 +240,11 @@ def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
 
 def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experiment]) -> Matrix:
     """Weighted residuals, current and flux linkage of each experiment (points, residuals); their squares make J."""
-    pars = [form.at(ratios) for ratios in points]
+    return residuals_of([form.at(ratios) for ratios in points], experiments)
+
+
+def residuals_of(pars: Sequence[Device], experiments: Sequence[Experiment]) -> Matrix:
+    """The same of some devices."""
     return finite(np.concatenate([weight(e, _stacked(simulate_batch(pars, e))) for e in experiments], axis=1))
 
 
