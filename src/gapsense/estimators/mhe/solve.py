@@ -412,7 +412,7 @@ def _start_trying(work: Work, par: Parameters) -> Work:
     gain, usual = full @ descent, usual_cost(work.walk, par)
     is_little = (fit.shortenings < 1.0) & (fit.tries > 1.0) & (gain < COST_TOLERANCE * usual)
     is_last = fit.shortenings >= worth.retries
-    goes_on = (fit.shortenings > 0.0) | (gain > worth.promising * usual)  # if the trial is better
+    promising = where(fit.shortenings > 0.0, COST_TOLERANCE, worth.promising)  # a damped one is not the last one
     steps = enumerate(zip(get(fit.q, N), _limit(full, looks, par)))
     most = [*bounds(par), FARTHEST]
     change = [clip(q + where(is_little | is_last, 0.0, x), -most[k], most[k]) - q for k, (q, x) in steps]
@@ -427,7 +427,7 @@ def _start_trying(work: Work, par: Parameters) -> Work:
             tries=where(looks, 0.0, fit.tries),
             change=put(fit.change, change),
             predicted_cost=fit.total - gain,  # (6)
-            derives=flag(goes_on & not_(is_last)),
+            derives=flag((gain > promising * usual) & not_(is_last)),
             shortenings=where(is_little, worth.retries, fit.shortenings),
         ),
     )
