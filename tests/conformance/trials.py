@@ -85,9 +85,8 @@ def made(host: Path, *compiler: str, source: str = "host.c") -> Path:
 def in_c(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     """The plain host in C."""
     os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
-    return outputs(
-        [made(folder.parent / "host", "gcc")], unpack(path, folder / "fmu"), part, platform="linux64"
-    ), expected(part)
+    host = made(folder.parent / "host", "gcc")
+    return outputs([host], unpack(path, folder / "fmu"), part, platform="linux64"), expected(part)
 
 
 def in_c_of_fmi_3(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
@@ -99,12 +98,8 @@ def in_c_of_fmi_3(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
 def in_wine(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     """The plain host in C for Windows."""
     os.environ |= WINE
-    return outputs(
-        ["wine", made(folder.parent / "host.exe", *ZIG_CC, "x86_64-windows-gnu")],
-        unpack(path, folder / "fmu"),
-        part,
-        ".dll",
-    ), expected(part)
+    host = made(folder.parent / "host.exe", *ZIG_CC, "x86_64-windows-gnu")
+    return outputs(["wine", host], unpack(path, folder / "fmu"), part, ".dll"), expected(part)
 
 
 def in_qemu(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
