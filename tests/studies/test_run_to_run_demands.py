@@ -19,7 +19,7 @@ from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, LEARNT, notice
 
 HELD_OUT = 6
 OTHERS = 7  # seed of conditions that were looked at on 6 too
-TOLD, TOLD_BY_MODEL = 0.95, 0.6  # shares of hard operations that are told; the second one with 20 mA, by `model`
+TOLD = 0.95  # share of hard operations that are told
 MOST, FEWER = 200, 60  # actuators, and those of longer or many rows; half of the most have medians and 90 % as true
 BLIND = {  # what `Mhe` is told of a core that nobody knows
     **{name: value for name, value in kernel_parameters(own("mhe"), blind(VALVE))._asdict().items() if "core_" in name},
@@ -83,8 +83,7 @@ def test_what_noise_of_20_mA_leaves_of_soft_landing_arrives_and_is_told(law):
     seen = found("told-noise", law, FEWER)
     said = noticed(seen)
     assert np.mean(seen.speeds[LEARNT:] == NEVER) < 1e-3
-    least = TOLD if law == "contact" else TOLD_BY_MODEL
-    assert said.told >= least * said.hard and said.wrongly <= 1e-3 * said.soft and said.twice == 0
+    assert said.told >= TOLD * said.hard and said.wrongly <= 1e-3 * said.soft and said.twice == 0
 
 
 @pytest.mark.slow
