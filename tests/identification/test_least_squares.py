@@ -24,8 +24,8 @@ class Residuals(NamedTuple):
     def residuals(self, points):
         return np.array([self.of(x) for x in points])
 
-    def jacobian(self, point):
-        return self.slopes * differences(self.residuals, point, self.high)
+    def jacobian(self, point, at=None):
+        return self.slopes * differences(self.residuals, point, self.high, at)
 
 
 VALLEY = Residuals(lambda x: np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0]]))  # H. H. Rosenbrock 1960

@@ -30,14 +30,15 @@ LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [
 LARGE = 0.5  # of the flux linkage that balances the spring at first: with less the bend is that of the voltage
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
-# of the reluctance of a seated mover: beyond this, and so many standard deviations of noise, it has not arrived in time
+# of the reluctance of a seated mover: beyond this, and so many standard deviations of noise, a closing has not arrived
 APART, DOUBTFUL = 0.12, 6.0
-BESIDE = 1.08  # of that: with more a closing is not felt to have arrived
+AFLOAT, LEAVING = 0.79, 0.75  # of the reluctance at this share of a closing's lead: with less an opening floats
+BESIDE = 1.08  # of that of a seated mover: with more a closing is not felt to have arrived
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
-FOLLOW = (0.1, 0.02)  # share by which that of closings, of openings follows a mover that seems farther away
+FOLLOW = (0.1, 0.2)  # share by which that of closings follows a mover that seems farther away; share of openings
 HELD = 0.5  # of the flux linkage that balances the spring at the lower stop: with less no mover stays there
 UNKNOWN = 1e3  # error of what was not measured
 
@@ -137,49 +138,51 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     before, at_hit, after = (load(state.fluxes, hit + k * 2.0 * n) for k in (-1.0, 0.0, 1.0))
     bend = (after - 2.0 * at_hit + before) / (2.0 * n * par.sample_time)
     slope, _ = gap_slopes(m.gap.smallest, m)
-    seated = _reluctance(state, landing, par)
-    growth = (_reluctance(state, later, par) - seated) / where(more > RISEN, more, 1.0)
+    seated = _reluctance(state, landing, n, par)
+    growth = (_reluctance(state, later, n, par) - seated) / where(more > RISEN, more, 1.0)
     bounds = choose_bounds(state)
     is_kept = (
         is_kept
         & (more > RISEN)
         & (heard.hardest < bounds.beyond)
         & (is_alone | (running.speed < SLOW * par.approach_first))
-        & (_reluctance(state, hit, par) < seated)
+        & (_reluctance(state, hit, n, par) < seated)
     )
     return is_kept & (growth * bend > bounds.core * slope * heard.hardest)
 
 
 def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
-    """Whether the mover was at its stop when it was due, whether it was not, and the reluctance seated from then on.
+    """Whether a closing was at its stop when it was due, whether the mover was not, and `seated` from then on.
 
-    The reluctance is current over flux linkage, of that of the open actuator; `seated` is that of the last operations
-    that have arrived.
+    The reluctance is current over flux linkage, of that of the open actuator. `seated` is that of the last closings
+    that have arrived. For openings it is that with which closings have left the open stop: openings that float each
+    time would otherwise be compared with each other.
     """
     running, n, m = state.running, state.running.piece, make_mover(par)
     opened = gap(m.gap.largest, m.gap, m.factor, m.bend)[0] + par.core_reluctance / square(par.coil_turns)
     is_closing, again = running.command > 0.5, told_at(running, par)
 
-    def reluctance(due: Scalar, drawn: Callable[[Scalar], Scalar] = lambda _: 0.0) -> tuple[Scalar, Scalar]:
+    def reluctance(due: Scalar, n: Scalar, drawn: Callable[[Scalar], Scalar]) -> tuple[Scalar, Scalar]:
         is_kept = (due > n) & (due + n <= running.age) & (due + n < LONGEST)
         at = running.command * LONGEST + where(is_kept, due, n)
-        return _reluctance(state, at, par, drawn(at)) / opened, is_kept & (load(state.fluxes, at) > TELLING)
+        return _reluctance(state, at, n, par, drawn(at)) / opened, is_kept & (load(state.fluxes, at) > TELLING)
 
-    early, is_early = reluctance(running.due)
-    found, is_told = reluctance(again, lambda at: _drawn(state, is_closing, at, par))
-    error = wandering(state.coil, par) / _large(
-        load(state.fluxes, running.command * LONGEST + where(is_told, running.due, 0.0))
-    )
+    early, is_early = reluctance(running.due, n, lambda _: 0.0)
+    wide = where(is_closing, n, again - running.due)
+    found, is_told = reluctance(again, wide, lambda at: _drawn(state, is_closing, at, par))
+    left = _reluctance(state, LONGEST + floor(LEAVING * par.closing_lead / par.sample_time), n, par) / opened
+    error = wandering(state.coil, par) / _large(load(state.fluxes, LONGEST + where(is_told, running.due, 0.0)))
     apart = APART + DOUBTFUL * where(error < FAR, error, FAR)
-    is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, found < (1.0 - apart) * seated)
-    is_absent = where(seated > 0.0, is_told & is_elsewhere, is_early & is_closing & (early > OPENED))
+    is_better = (seated <= 0.0) | (is_closing & (found < seated))
+    follows = where(is_better, 1.0, where(is_closing, *FOLLOW)) * (where(is_closing, found, left) - seated)
+    is_afloat = (found < AFLOAT * (seated + follows)) & (running.averaged < 1.0)  # else the current is that of others
+    is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, is_afloat)
+    is_absent = where(is_closing & (seated <= 0.0), is_early & (early > OPENED), is_told & is_elsewhere)
     last = load(state.fluxes, place(running, running.age - 1.0))
     is_absent = is_absent | (is_closing & (square(last) < square(HELD) * balance(m.gap.smallest, m)))
     is_beside = (seated <= 0.0) | (is_told & (found < BESIDE * seated))
-    is_there = is_early & where(is_closing, (early < CLOSED) & is_beside, early > OPENED) & not_(is_absent)
-    is_better = (seated <= 0.0) | where(is_closing, found < seated, found > seated)
-    follows = where(is_better, found, seated + where(is_closing, *FOLLOW) * (found - seated))
-    return is_there, is_absent, where(is_told & not_(is_absent), follows, seated)
+    is_there = is_closing & is_early & (early < CLOSED) & is_beside & not_(is_absent)
+    return is_there, is_absent, seated + where(is_told & not_(is_absent & is_closing), follows, 0.0)
 
 
 def _drawn(state: State, is_closing: Scalar, at: Scalar, par: Parameters) -> Scalar:
@@ -195,13 +198,12 @@ def _drawn(state: State, is_closing: Scalar, at: Scalar, par: Parameters) -> Sca
 
 
 def told_at(running: Running, par: Parameters) -> Scalar:
-    """Sample after the planned arrival at which that is told again."""
-    return running.due + floor(LATER / par.sample_time + 0.5)
+    """Sample after the planned arrival at which that is told again; of an opening the middle of that time."""
+    return running.due + floor(where(running.command > 0.5, 1.0, 0.5) * LATER / par.sample_time + 0.5)
 
 
-def _reluctance(state: State, at: Scalar, par: Parameters, off: Scalar = 0.0) -> Scalar:
+def _reluctance(state: State, at: Scalar, n: Scalar, par: Parameters, off: Scalar = 0.0) -> Scalar:
     """Current over flux linkage around a place in memory, from which something is taken away [1/H]."""
-    n = state.running.piece
     charge = load(state.charges, at + n) - load(state.charges, at - n)
     return charge / (2.0 * n * par.sample_time * _large(load(state.fluxes, at) - off))
 

@@ -90,11 +90,11 @@ def judged_by_current(state: State, par: Parameters) -> State:
     timed = _timed(state, par)
     speed = where(by_contact & (running.averaged > 0.0) & (timed > speed), timed, speed)
     is_hard = is_soft & (speed > AUDIBLE)
-    law, is_closing = laws.read(state.laws, running.command), running.command > 0.5
+    law = laws.read(state.laws, running.command)
     is_there, is_absent, seated = arrived(state, law.seated, par)
     has_touched = by_contact & (heard.landing > 0.0) & not_(is_after(running, heard.landing, par))
     is_short = is_soft & not_(has_touched) & (is_absent | (by_contact & (heard.landing < 1.0)))
-    is_felt = is_soft & is_there & is_closing & not_(by_contact) & (law.missed > 0.0)
+    is_felt = is_soft & is_there & not_(by_contact) & (law.missed > 0.0)
     law = law._replace(missed=law.missed - where(is_felt, FELT, 0.0), seated=where(is_soft, seated, law.seated))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))

@@ -6,8 +6,8 @@ dampings of a step are tried at once (K. Levenberg 1944, D. Marquardt 1963); if 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Generator, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -39,8 +39,8 @@ class Problem(Protocol):
     def residuals(self, points: Sequence[Vector]) -> Matrix:
         """Of several points (points, residuals)."""
 
-    def jacobian(self, point: Vector) -> Matrix:
-        """Derivatives of the residuals (residuals, point)."""
+    def jacobian(self, point: Vector, at: Vector | None = None, /) -> Matrix:
+        """Derivatives of the residuals (residuals, point); `at` are those of the point, where they are known."""
 
 
 class Minimum(NamedTuple):
@@ -62,11 +62,27 @@ def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix) -> Matrix:
     return np.asarray(stepped(kernel, inputs, columns, ("current",))[:, 0].T)
 
 
-def differences(values: Callable[[list[Vector]], Matrix], x: Vector, high: Vector | float = np.inf) -> Matrix:
-    """Derivatives of values (points, n) at a point by difference quotients, within the highest point; (n, x.size)."""
-    steps = np.where(x + STEP > high, -STEP, STEP)
-    found = values([x, *(x + np.diag(steps))])
-    return np.asarray(((found[1:] - found[0]) / steps[:, None]).T)
+def differences(
+    values: Callable[[list[Vector]], Matrix], x: Vector, high: Vector | float = np.inf, at: Vector | None = None
+) -> Matrix:
+    """Derivatives of values (points, n) at a point by difference quotients, within the highest point; (n, x.size).
+
+    `at` are the values of the point itself (n,), where they are known.
+    """
+    steps = steps_within(x, high)
+    here = [x] if at is None else []
+    found = values([*here, *(x + np.diag(steps))])
+    return quotients(found[0] if at is None else at, found[len(here) :], steps)
+
+
+def steps_within(x: Vector, high: Vector | float) -> Vector:
+    """Of difference quotients at a point, within the highest point."""
+    return np.where(x + STEP > high, -STEP, STEP)
+
+
+def quotients(here: Vector, beside: Matrix, steps: Vector) -> Matrix:
+    """Derivatives from the values of a point (n,), and those after each of some steps (steps, n); (n, steps)."""
+    return np.asarray(((beside - here) / steps[:, None]).T)
 
 
 def finite(x: Vector) -> Vector:
@@ -88,22 +104,40 @@ def minimise(p: Problem, start: Vector, longest: int = 50, enough: float = 1e-8)
     enough : float
         Relative fall of the cost with which they end.
     """
+    search: Descent = descend(p, start, longest, enough)
+    answer: Matrix | None = None
+    while True:
+        try:
+            points, known = search.send(answer)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+        answer = p.residuals(points) if known is None else p.jacobian(points[0], known)
+
+
+Asked: TypeAlias = (
+    "tuple[list[Vector], Vector | None]"  # points, for residuals; or one with these residuals, for derivatives
+)
+Descent: TypeAlias = Generator[Asked, Any, Minimum]
+
+
+def descend(p: Problem, start: Vector, longest: int, enough: float) -> Descent:
+    """The way to the minimum next to a point, which asks for what it needs of the residuals; see `minimise`."""
     low, high = p.limits
     x, taken = np.clip(start, low, high), 0
-    (r,) = p.residuals([x])
-    while taken < longest and (found := _lower(p, x, r)) is not None:
+    (r,) = yield [x], None
+    while taken < longest and (found := (yield from _lower(p, x, r))) is not None:
         before, (x, r), taken = float(r @ r), found, taken + 1
         if float(r @ r) > (1.0 - enough) * before:
             break
     return Minimum(x, r, taken, (x <= low) | (x >= high))
 
 
-def _lower(p: Problem, x: Vector, r: Vector) -> tuple[Vector, Vector] | None:
+def _lower(p: Problem, x: Vector, r: Vector) -> Generator[Asked, Any, tuple[Vector, Vector] | None]:
     """The best point of several dampings, with its residuals; None if all of them raise the cost."""
-    J = p.jacobian(x)
+    J = yield [x], r
     for dampings in DAMPINGS:
         points = candidates(p, x, J, r, dampings)
-        tried = p.residuals(points)
+        tried = yield points, None
         costs = np.einsum("ij,ij->i", tried, tried)
         best = int(np.argmin(costs))
         if costs[best] < r @ r:

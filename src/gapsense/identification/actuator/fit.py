@@ -131,7 +131,7 @@ class Problem(NamedTuple):
             found.append(drive.weights * (drive.current - offsets - sampled_currents(pars, drive, volts)))
         return finite(np.hstack([*found, np.array(points) / self.deviations]))
 
-    def jacobian(self, x: Vector) -> Matrix:
+    def jacobian(self, x: Vector, _: Vector | None = None, /) -> Matrix:
         """Derivatives of the residuals."""
         free, row = len(self.names), 0
         J = np.zeros((sum(d.current.size for d in self.drives) + x.size, x.size))

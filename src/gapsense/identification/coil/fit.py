@@ -211,9 +211,9 @@ class Problem:
         parts = [(run.current - self.models(points, k)) / run.noise for k, run in enumerate(self.runs)]
         return finite(np.concatenate(parts, axis=1))
 
-    def jacobian(self, point: Vector) -> Matrix:
+    def jacobian(self, point: Vector, at: Vector | None = None, /) -> Matrix:
         """Derivatives of the residuals."""
-        return differences(self.residuals, point, self.limits[1])
+        return differences(self.residuals, point, self.limits[1], at)
 
 
 class Fitted(NamedTuple):

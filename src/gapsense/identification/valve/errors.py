@@ -123,7 +123,8 @@ def linearise(
     """The residuals near `ratios`, or as far around as noise leads; `fitted` and `others` are names of causes."""
     found = slopes(form, ratios, experiments, [*fitted, *others])
     k, problem = len(fitted), Weighted(form, experiments)
-    r, J = problem.residuals([ratios])[0], problem.jacobian(ratios)
+    r = problem.residuals([ratios])[0]
+    J = problem.jacobian(ratios, r)
     J = np.hstack([problem.secants(ratios, reach(J, r)) if is_wide else J, found.residuals[:, :k]])
     known = np.diag([0.0] * ratios.size + [rms(r) / ANYWHERE * is_place(name) for name in fitted])
     A = np.linalg.pinv(np.vstack([J, known]), rcond=NEGLIGIBLE).astype(np.float64)

@@ -14,16 +14,33 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gapsense._os.workers import Progress
-from gapsense.identification.least_squares import Matrix, differences, independent, minimise
+from gapsense.identification.least_squares import (
+    Asked,
+    Matrix,
+    descend,
+    differences,
+    independent,
+    minimise,
+    quotients,
+    steps_within,
+)
 from gapsense.identification.measurements.record import Vector
 from gapsense.identification.residual import is_small
-from gapsense.identification.valve.form import FITTED, Form, Sought, larger
-from gapsense.identification.valve.model import Experiment, First, balance, cost, residuals, simulate_currents
+from gapsense.identification.valve.form import FACTOR, FILTER, FITTED, Form, Sought, larger
+from gapsense.identification.valve.model import (
+    Experiment,
+    First,
+    balance,
+    cost,
+    residuals,
+    residuals_of,
+    simulate_currents,
+)
 
 
 class Course:
@@ -84,14 +101,48 @@ class Weighted(NamedTuple):
         self.simulated(len(points) * sum(e.current.size for e in self.experiments))
         return residuals(self.form, points, self.experiments)
 
-    def jacobian(self, point: Vector) -> Matrix:
+    def jacobian(self, point: Vector, at: Vector | None = None, /) -> Matrix:
         """Their derivatives."""
-        return differences(self.residuals, point, self.form.limits[1])
+        return differences(self.residuals, point, self.form.limits[1], at)
 
     def secants(self, point: Vector, steps: Vector) -> Matrix:
         """The same as mean slopes over these steps to both sides."""
         after, before = np.split(self.residuals([*(point + np.diag(steps)), *(point - np.diag(steps))]), 2)
         return np.asarray((after - before).T / (2.0 * steps))
+
+
+def minimise_together(problems: Sequence[Weighted], starts: Sequence[Vector], enough: float) -> list[Vector]:
+    """The minima of several problems: the same as one by one, but what they ask for at a time is simulated at once."""
+    searches = [descend(p, start, LONGEST, enough) for p, start in zip(problems, starts)]
+    ends, answers = dict[int, Vector](), dict[int, Matrix]()
+    while len(ends) < len(problems):
+        asked = dict[int, Asked]()
+        for k, search in enumerate(searches):
+            try:
+                asked |= {} if k in ends else {k: search.send(answers.get(k))}
+            except StopIteration as end:
+                ends[k] = end.value.point
+        answers = _answer(problems, asked)
+    return [ends[k] for k in range(len(problems))]
+
+
+def _answer(problems: Sequence[Weighted], asked: Mapping[int, Asked]) -> dict[int, Matrix]:
+    """Residuals or derivatives for each problem; those with the same model and experiments are one simulation."""
+    groups, steps = dict[Any, dict[int, list[Vector]]](), dict[int, Vector]()
+    for k, (points, known) in asked.items():
+        p = problems[k]
+        if known is not None:
+            steps[k] = steps_within(points[0], p.form.limits[1])
+            points = [*(points[0] + np.diag(steps[k]))]
+        kind = type(p.form.known), FILTER in p.form.fitted, id(p.experiments)
+        groups.setdefault(kind, {})[k] = points
+    found = dict[int, Matrix]()
+    for group in groups.values():
+        p = problems[next(iter(group))]
+        pars = [problems[k].form.at(x) for k, points in group.items() for x in points]
+        p.simulated(len(pars) * sum(e.current.size for e in p.experiments))
+        found |= zip(group, np.split(residuals_of(pars, p.experiments), np.cumsum([*map(len, group.values())])[:-1]))
+    return {k: r if (at := asked[k][1]) is None else quotients(at, r, steps[k]) for k, r in found.items()}
 
 
 class Fit:
@@ -122,12 +173,11 @@ class Fit:
     def multi_start(self, experiments: list[Experiment], starts: int, seed: int) -> list[Start]:
         """Least squares from the first guess and from random points around it."""
         rng, width = np.random.default_rng(seed), np.log(SPREAD)
-        found = []
+        guesses = []
         for k in range(starts):
-            guess = rng.uniform(-width, width, self.form.start.size) if k else self.form.start
-            ratios = self.least_squares(guess, experiments)
-            found.append(Start(ratios, self.cost(ratios, experiments)))
-        return found
+            guesses.append(rng.uniform(-width, width, self.form.start.size) if k else self.form.start)
+        ends = minimise_together([Weighted(self.form, experiments, self.count)] * starts, guesses, EXACT)
+        return [Start(ratios, self.cost(ratios, experiments)) for ratios in ends]
 
 
 ENOUGH = 6.0  # evidence from which a form is taken: "strong" by Kass and Raftery (1995)
@@ -154,7 +204,7 @@ def choose_form(fit: Fit, ratios: Vector, firsts: Sequence[First], sought: Sough
     best = try_form(fit, ratios, firsts)
     tried = [best]
     while not is_quiet(best, firsts) and (forms := larger(best.form, sought)):
-        found = [try_larger(fit, form, best, firsts) for form in forms]
+        found = try_larger(fit, forms, best, firsts)
         found.sort(key=lambda trial: trial.evidence)
         if found[-1].evidence < ENOUGH:
             return [*tried, *found]
@@ -168,18 +218,33 @@ def is_quiet(trial: Trial, firsts: Sequence[First]) -> bool:
     return all(is_small(error, first.record, first.start) for error, first in zip(trial.errors, firsts))
 
 
-def try_larger(fit: Fit, form: Form, before: Trial, firsts: Sequence[First]) -> Trial:
-    """The larger form, fitted from the smaller one on, and from the first guess of what was added, or of all."""
-    experiments, other = [first.of(form) for first in firsts], Fit(form)
+def try_larger(fit: Fit, forms: Sequence[Form], before: Trial, firsts: Sequence[First]) -> list[Trial]:
+    """The larger forms, fitted from the smaller one on, and from the first guess of what was added, or of all."""
+    same = {FACTOR in form.fitted: [first.of(form) for first in firsts] for form in forms}
+    problems = [Weighted(form, same[FACTOR in form.fitted], fit.count) for form in forms]
+    tried = [(p, start) for p in problems for start in _starts(before, p.form)]
+    near = minimise_together([p for p, _ in tried], [start for _, start in tried], NEAR)
+    ends = [[end for (one, _), end in zip(tried, near) if one is p] for p in problems]
+    best = [min(found, key=partial(_cost, p)) for p, found in zip(problems, ends)]
+    left, made = relative(before.errors, firsts), list[Trial]()
+    for p, ratios in zip(problems, minimise_together(problems, best, EXACT)):
+        errors = currents_left(p.form, ratios, p.experiments)
+        more = len({*p.form.fitted} - {*before.form.fitted})
+        found = evidence(left, relative(errors, firsts), more)
+        made.append(Trial(p.form, ratios, _cost(p, ratios), errors, evidence=found, is_taken=False))
+    return made
+
+
+def _starts(before: Trial, form: Form) -> list[Vector]:
+    """Where the fit of a larger form begins; where nothing was added before, two of these are the same."""
     start = carry_over(before.form, before.ratios, form)
     starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
-    ends = [other.least_squares(start, experiments, NEAR) for start in starts]
-    best = min(ends, key=partial(other.cost, experiments=experiments))
-    found = try_form(other, other.least_squares(best, experiments), firsts)
-    fit.count(other.samples)
-    left, now = (relative(t.errors, firsts) for t in (before, found))
-    more = len({*form.fitted} - {*before.form.fitted})
-    return found._replace(evidence=evidence(left, now, more), is_taken=False)
+    return [np.array(each) for each in dict.fromkeys(map(tuple, starts))]
+
+
+def _cost(p: Weighted, ratios: Vector) -> float:
+    """J of (24)."""
+    return cost(p.residuals([ratios])[0])
 
 
 def try_form(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
@@ -222,7 +287,7 @@ def best_reading(fit: Fit, ratios: Vector, readings: Sequence[list[First]], soug
     best = int(np.argmin([t.cost for t in found]))
     forms = larger(fit.form, sought)
     if forms and not is_quiet(found[best], readings[best]):
-        others = [try_larger(fit, forms[0], t, firsts) for t, firsts in zip(found, readings)]
+        others = [try_larger(fit, forms[:1], t, firsts)[0] for t, firsts in zip(found, readings)]
         best = int(np.argmin([t.cost for t in others]))
     return best, found[best].ratios
 

@@ -20,8 +20,8 @@ from gapsense.identification.measurements.switching import Carrier, carrier, ris
 from gapsense.identification.valve import lossy_valve
 from gapsense.identification.valve.form import FACTOR, FILTER, Device, Form, kernel_of, output_getter, replace_values
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import Array, Plan, over_runs, plan
-from gapsense.kernels.lanes.kernels import columns_of
+from gapsense.kernels.lanes import Plan
+from gapsense.kernels.lanes.kernels import Sample, columns_of, plan_steps
 from gapsense.kernels.layout import flat
 from gapsense.problems import InputError
 from gapsense.report.table import quantity
@@ -240,7 +240,11 @@ def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
 
 def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experiment]) -> Matrix:
     """Weighted residuals, current and flux linkage of each experiment (points, residuals); their squares make J."""
-    pars = [form.at(ratios) for ratios in points]
+    return residuals_of([form.at(ratios) for ratios in points], experiments)
+
+
+def residuals_of(pars: Sequence[Device], experiments: Sequence[Experiment]) -> Matrix:
+    """The same of some devices."""
     return finite(np.concatenate([weight(e, _stacked(simulate_batch(pars, e))) for e in experiments], axis=1))
 
 
@@ -335,9 +339,9 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
     numbers = iter(np.array([v for v in entries if not isinstance(v[0], list)], float)[:, None])
     given = (np.transpose(v) if isinstance(v[0], list) else next(numbers) for v in entries)
     columns: dict[str, Any] = dict(zip(columns_of(kernel), given))
-    made, count = recorded.run(len(pars), **columns | drive.columns).T, R.size
-    currents = [run[:count] + more for run, more in zip(made, at_edges(pars, drive.course, R))]
-    return [Response(i, run[count:] if with_position else None) for i, run in zip(currents, made)]
+    made = recorded.run(len(pars), **columns | drive.columns).reshape(R.size, -1, len(pars)).T
+    currents = [run[0] + more for run, more in zip(made, at_edges(pars, drive.course, R))]
+    return [Response(i, run[1] if with_position else None) for i, run in zip(currents, made)]
 
 
 class Drive(NamedTuple):
@@ -365,23 +369,13 @@ def plan_of(kernel: Kernel, jump: tuple[bool, ...], changes: tuple[bool, ...], w
     """The plan of an experiment in which voltage and resistance jump in these intervals."""
     count, names = len(jump), kernel.module.Outputs._fields
     wanted = [names.index(name) for name in ("current", "position")[: 2 if with_position else 1]]
-
-    def found(at: Any, whole: Any, early: Any, late: Any, mean: Any, first: Any, second: Any, **par: Any) -> list[Any]:
-        """The responses wanted: two steps where the voltage jumps inside an interval, else one."""
-        over, resistance = over_runs(kernel), par.pop(RESISTANCE)
-        others = [value[0] if isinstance(value, tuple) else value for value in par.values()]
-        state, outputs = over.initial((0.0, 0.0, 0.0), (resistance[0], *others))
-        constants, kept = over.constants((resistance[0], *others)), [outputs]
-        for k in range(1, len(jump)):
-            constants = over.constants((resistance[k], *others)) if changes[k] else constants
-            inputs = [(early[k], first[k]), (late[k], second[k])] if jump[k] else [(whole[0], mean[k])]
-            for step, voltage in inputs:
-                state, outputs = over.advance(state, (at[k], step, voltage), constants)
-            kept.append(outputs)
-        return [outputs[k] for k in wanted for outputs in kept]
-
-    sizes: dict[str, int | Array] = {**columns_of(kernel), RESISTANCE: count, "whole": 1}
-    return plan(found, **sizes, **dict.fromkeys(("at", "early", "late", "mean", "first", "second"), count))
+    samples = [Sample([(0.0, 0.0, 0.0)])]
+    for k in range(1, count):  # two steps where the voltage jumps inside an interval, else one
+        at = ("at", k)
+        halves = [(at, ("early", k), ("first", k)), (at, ("late", k), ("second", k))]
+        samples.append(Sample(halves if jump[k] else [(at, ("whole", 0), ("mean", k))], k if changes[k] else 0))
+    sizes = dict.fromkeys((RESISTANCE, "at", "early", "late", "mean", "first", "second"), count)
+    return plan_steps(kernel, {**sizes, "whole": 1}, samples, wanted)
 
 
 UNKNOWN = float("nan")  # resistance, which these causes do not need

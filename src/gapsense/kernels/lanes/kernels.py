@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from gapsense.kernels.emit import HARMLESS_IN_C, Lanes, split
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes.code import Code
-from gapsense.kernels.lanes.plan import Array, Floats, Plan, plan
+from gapsense.kernels.lanes.code import WHOLE, Call, Code, Record, Value
+from gapsense.kernels.lanes.plan import KEEP, KEPT, NOWHERE, OWN, TAKE, Array, Floats, Plan, Program, Step, columns_with
 from gapsense.kernels.layout import fields, names
 
 INPUTS = "inputs of all samples"  # the column, called as no parameter is
@@ -73,19 +73,72 @@ def columns_of(kernel: Kernel) -> dict[str, int | Array]:
 def plan_of(kernel: Kernel, samples: int, outputs: tuple[str, ...]) -> Plan:
     """The plan of some samples, for `stepped`."""
     width, every = len(names(kernel.module.Inputs)), names(kernel.module.Outputs)
-    chosen = [every.index(name) for name in outputs or every]
-    over = over_runs(kernel)
+    made = [Sample([[(INPUTS, k * width + j) for j in range(width)]]) for k in range(samples)]
+    return plan_steps(kernel, {INPUTS: samples * width}, made, [every.index(name) for name in outputs or every])
 
-    def steps(**columns: Any) -> list[Any]:
-        """The chosen outputs of all samples."""
-        inputs = columns.pop(INPUTS)
-        par = [value[0] if isinstance(value, tuple) else value for value in columns.values()]
-        constants = over.constants(par)
-        state, made = over.initial(inputs[:width], par)
-        rows = [made]
-        for k in range(width, len(inputs), width):
-            state, made = over.advance(state, inputs[k : k + width], constants)
-            rows.append(made)
-        return [made[k] for made in rows for k in chosen]
 
-    return plan(steps, **columns_of(kernel), **{INPUTS: samples * width})
+class Sample(NamedTuple):
+    """The steps up to a sample, each by what its inputs are: column and row, or a number at the first one."""
+
+    steps: Sequence[Sequence[Any]]
+    par: int = 0  # row of the first parameter, where that changes
+
+
+def plan_steps(kernel: Kernel, given: Mapping[str, int], samples: Sequence[Sample], outputs: Sequence[int]) -> Plan:
+    """The plan of a kernel from its first sample on; kept are these outputs of each sample, (samples, outputs).
+
+    All steps are one call, whose results are in the places of its arguments. To record each, as `plan` does, takes ten
+    times as long, which is longer than a fit of a record whose edges have been moved.
+    """
+    over, record, par_sizes = over_runs(kernel), Record(), columns_of(kernel)
+    sizes = {**par_sizes, **given}
+    par = [Value(record, name, WHOLE if isinstance(size, Array) else 0) for name, size in par_sizes.items()]
+    first = [Value(record, *at) if isinstance(at, tuple) else record.value(at) for at in samples[0].steps[0]]
+    inputs, (state, made) = [Value(record) for _ in first], over.initial(first, par)
+    after, found = over.advance(state, inputs, over.constants(par))
+    begin, *prepare, step = record.calls
+    writer = _Writer(record, columns_with(record, sizes), dict(zip((*after, *found), (*state, *made))))
+    writer.needed = {value for call in record.calls for value in call.taken} | {made[k] for k in outputs}
+
+    def kept(sample: int) -> Iterator[Step]:
+        for row, k in enumerate(outputs, sample * len(outputs)):
+            yield KEEP, [writer.columns[KEPT], row, writer.place(made[k])]
+
+    steps = [*writer.taken(begin), writer.called(begin), *kept(0)]
+    steps += [each for call in prepare for each in (*writer.taken(call), writer.called(call))]
+    steps += writer.taken(step)
+    again, constants = writer.called(step), [writer.called(call) for call in prepare]
+    for k, sample in enumerate(samples[1:], 1):
+        if sample.par:
+            steps += [writer.take(par[0].column, sample.par, par[0]), *constants]
+        for entries in sample.steps:
+            steps += [writer.take(name, row, value) for (name, row), value in zip(entries, inputs)]
+            steps.append(again)
+        steps += kept(k)
+    program = Program(steps, [*writer.columns], writer.codes, NOWHERE + 1 + len(writer.places))
+    return Plan(record, sizes, [made[k] for k in outputs] * len(samples), program)
+
+
+class _Writer:
+    """Gives each value a place of its own, and those of the next step the places of this one."""
+
+    def __init__(self, record: Record, columns: Sequence[str], same: Mapping[Value, Value]) -> None:
+        self.columns = {name: k for k, name in enumerate(columns)}
+        self.codes = list(dict.fromkeys(call.code for call in record.calls))
+        self.same, self.needed, self.places = same, set[Value](), dict[Value, int]()
+
+    def place(self, value: Value) -> int:
+        value = self.same.get(value, value)
+        if value.row == WHOLE:
+            return self.columns[value.column]
+        return self.places.setdefault(value, NOWHERE + 1 + len(self.places)) if value in self.needed else NOWHERE
+
+    def take(self, column: str, row: int, value: Value) -> Step:
+        return TAKE, [self.columns[column], row, self.place(value)]
+
+    def taken(self, call: Call) -> list[Step]:
+        """What a call takes of columns."""
+        return [self.take(v.column, v.row, v) for v in dict.fromkeys(call.taken) if v.column and v.row != WHOLE]
+
+    def called(self, call: Call) -> Step:
+        return OWN + self.codes.index(call.code), [*map(self.place, (*call.taken, *call.made))]

@@ -52,9 +52,11 @@ class Array(Enum):
 class Plan:
     """Recorded calls, the columns that they need by name and size, and what to keep of their results."""
 
-    def __init__(self, record: Record, given: Mapping[str, int | Array], kept: Sequence[Value]) -> None:
+    def __init__(
+        self, record: Record, given: Mapping[str, int | Array], kept: Sequence[Value], made: Program | None = None
+    ) -> None:
         self.record, self.given, self.kept = record, given, kept
-        self.program = program(record, [*given], kept)
+        self.program = made or program(record, [*given], kept)
         self.numbers = np.array([*map(float, record.numbers)])
 
     @cached_property
@@ -197,10 +199,15 @@ class Program(NamedTuple):
 
 def program(record: Record, given: Sequence[str], kept: Sequence[Value]) -> Program:
     """The program of recorded calls, for the columns that are given and the values to keep."""
-    columns = [NUMBERS, *given, *record.tables, *record.memories, KEPT]
+    columns = columns_with(record, given)
     codes = list(dict.fromkeys(call.code for call in record.calls))
     writer = _Writer(record, kept, columns, codes)
     return Program([*writer.steps()], columns, codes, writer.room)
+
+
+def columns_with(record: Record, given: Iterable[str]) -> list[str]:
+    """Names of all columns, in their order."""
+    return [NUMBERS, *given, *record.tables, *record.memories, KEPT]
 
 
 class _Writer:
