@@ -5,6 +5,7 @@ SOURCES := $(shell find src fmus -type f -not -name '*.pyc' -not -name reference
 # --no-compile: of what is installed, a third is ever imported, and Python keeps its code then
 INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 BY_FILE = -n 2 --dist loadfile --no-loadscope-reorder  # what the tests of a file share is computed once; order: tests/conftest.py
+PLUGINS = --disable-plugin-autoload -p xdist.plugin -p _hypothesis_pytestplugin -p gapsense.pytest_plugin  # else pytest rewrites 260 files of src
 BUILT = GAPSENSE_BUILT=build/fmus GAPSENSE_NATIVES=build/native  # need not be built again by the tests
 unexport PYTHONDONTWRITEBYTECODE  # hundreds of processes would each compile what they import
 
@@ -15,12 +16,12 @@ demo: fmus
 	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
 	$(BIN)/gapsense figure scenarios/semera_valve
 
-test: lint  # then what keeps one core busy each, and with the tests what neither waits for them nor they for it
-	$(MAKE) --jobs 2 fmus natives
-	$(MAKE) --jobs 3 types scenarios unit
+test: lint  # types beside natives, each of which keeps one core busy; then two workers for the tests, and beside them the scenarios
+	$(MAKE) --jobs 2 fmus natives types
+	$(MAKE) --jobs 3 scenarios unit
 
 fast: fmus
-	$(BIN)/pytest -q -n 2 -m "not slow" -x
+	$(BIN)/pytest $(PLUGINS) -q -n 2 -m "not slow" -x
 
 lint: .venv/installed
 	$(BIN)/ruff check .
@@ -30,13 +31,13 @@ types: .venv/installed
 	$(BIN)/mypy
 
 unit: fmus natives
-	$(BUILT) $(BIN)/pytest -q $(BY_FILE) -m "not slow" --durations=25
+	$(BUILT) $(BIN)/pytest $(PLUGINS) -q $(BY_FILE) -m "not slow" --durations=25
 
 scenarios: fmus natives  # native FMUs have the bits of the Python ones (tests/native/test_scenarios.py), in a quarter of the time
 	$(BIN)/gapsense test scenarios --junit build/scenarios.xml $$(ls build/native/*.fmu >/dev/null 2>&1 && echo --native)
 
 slow: fmus natives dist/.native
-	$(BUILT) GAPSENSE_RELEASED=dist/native $(BIN)/pytest -q $(BY_FILE) -m slow --durations=40
+	$(BUILT) GAPSENSE_RELEASED=dist/native $(BIN)/pytest $(PLUGINS) -q $(BY_FILE) -m slow --durations=40
 
 bench: fmus natives
 	$(INSTALL) --editable '.[dev,peers]'

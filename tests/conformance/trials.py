@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from drivers import fresh
+from drivers import WINE, fresh
 from parts import Part
 from unpacked_native import compiled_host, expected, outputs, unpack
 
@@ -77,29 +77,34 @@ def in_cosim(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     return json.loads(rows), wanted
 
 
+def made(host: Path, *compiler: str, source: str = "host.c") -> Path:
+    """A plain host, compiled once for all components."""
+    return host if host.exists() else compiled_host(compiler, host, source=source)
+
+
 def in_c(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     """The plain host in C."""
-    host = compiled_host(("gcc",), folder / "host")
     os.environ["PATH"] = os.pathsep.join((str(Path(sys.executable).parent), os.environ["PATH"]))
+    host = made(folder.parent / "host", "gcc")
     return outputs([host], unpack(path, folder / "fmu"), part, platform="linux64"), expected(part)
 
 
 def in_c_of_fmi_3(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     """The plain host in C for FMI 3.0."""
-    host = compiled_host(("gcc",), folder / "host", source="host3.c")
+    host = made(folder.parent / "host", "gcc", source="host3.c")
     return outputs([host], unpack(path, folder / "fmu"), part, platform="x86_64-linux"), expected(part)
 
 
 def in_wine(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     """The plain host in C for Windows."""
-    os.environ |= {"WINEPREFIX": str(folder.parent / "prefix"), "WINEDEBUG": "-all"}
-    host = compiled_host((*ZIG_CC, "x86_64-windows-gnu"), folder / "host.exe")
+    os.environ |= WINE
+    host = made(folder.parent / "host.exe", *ZIG_CC, "x86_64-windows-gnu")
     return outputs(["wine", host], unpack(path, folder / "fmu"), part, ".dll"), expected(part)
 
 
 def in_qemu(part: Part, path: Path, folder: Path) -> tuple[Rows, Rows]:
     """The plain host in C for Linux on aarch64."""
-    host = compiled_host((*ZIG_CC, "aarch64-linux-gnu.2.17"), folder / "host")
+    host = made(folder.parent / "host", *ZIG_CC, "aarch64-linux-gnu.2.17")
     return outputs([QEMU, "-L", AARCH64, host], unpack(path, folder / "fmu"), part), expected(part)
 
 

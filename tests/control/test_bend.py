@@ -229,7 +229,8 @@ def test_opening_that_floats_from_the_first_one_on_is_told():
     """It is compared with the open stop that the closing before has left, and not with openings that floated too."""
     state = whole(hit(OPENING, 0.1, 200.0))
     state.charges[:LONGEST] *= 0.8
-    assert bend.arrived(state, 0.0, PAR)[1]
+    averaged = state._replace(running=state.running._replace(averaged=1.0))  # a current that is that of others too
+    assert bend.arrived(state, 0.0, PAR)[1] and not bend.arrived(averaged, 0.0, PAR)[1]
 
 
 def test_bend_where_hardly_any_flux_linkage_is_left_is_no_hit():

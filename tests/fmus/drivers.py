@@ -26,6 +26,11 @@ STEPS = 300
 LONG = 5000  # steps of an experiment
 IMPORTS = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import fmu_host"
 RUN = f"import runpy; runpy.run_path({__file__!r}, run_name='__main__')"
+WINE = {  # one folder for all tests with wine, which takes ten seconds to make it; nothing of browsers and of .NET
+    "WINEPREFIX": str(ROOT / "build" / "wine"),
+    "WINEDEBUG": "-all",
+    "WINEDLLOVERRIDES": "mscoree,mshtml=",
+}
 AWKWARD = "für 100 %s %n #1"  # as the name of an instance and of a folder
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +113,11 @@ def test_in_double_it_is_the_same_filter(runners: dict[str, Runner]) -> None:
     assert np.all(np.abs(lean - printed) <= 1e-9 * np.maximum(np.abs(printed).max(axis=0), 1.0))
 
 
+@lru_cache(1)  # one condition after the other, each with every tuning
+def records(count: int, seeds: int, condition: str) -> list[tuple[Array, Array]]:
+    return [record(count, seed, **CONDITIONS[condition]) for seed in range(seeds)]
+
+
 def assert_near(runners: dict[str, Runner], tuning: str, records: list[tuple[Array, Array]]) -> None:
     par = kernel_parameters(ROOT / "fmus" / "semera", TUNINGS[tuning])
     found = [{form: runner(inputs, par) for form, runner in runners.items()} for inputs, _ in records]
@@ -132,18 +138,18 @@ def rms(errors: Array) -> float:
 
 @pytest.mark.parametrize("condition", ["usual", "without noise", "cold coil"])
 def test_in_float_it_is_as_near_to_the_truth(runners: dict[str, Runner], condition: str) -> None:
-    assert_near(runners, "", [record(4000, seed, **CONDITIONS[condition]) for seed in range(5)])
+    assert_near(runners, "", records(4000, 5, condition))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tuning", TUNINGS)
 @pytest.mark.parametrize("condition", CONDITIONS)
 def test_so_it_is_in_all_conditions(runners: dict[str, Runner], condition: str, tuning: str) -> None:
-    assert_near(runners, tuning, [record(40_000, seed, **CONDITIONS[condition]) for seed in range(20)])
+    assert_near(runners, tuning, records(40_000, 20, condition))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tuning", ["", "as printed"])
 @pytest.mark.parametrize("condition", ["usual", "warming"])
 def test_so_it_is_after_a_million_samples(runners: dict[str, Runner], condition: str, tuning: str) -> None:
-    assert_near(runners, tuning, [record(10**6, seed, **CONDITIONS[condition]) for seed in range(2)])
+    assert_near(runners, tuning, records(10**6, 2, condition))

@@ -53,9 +53,9 @@ def reference(folder: Path) -> Reference:
 class Fmu:
     """An extracted FMU."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, place: Path | None = None) -> None:
         self.component: Component = load_component(folder)
-        self.path = built() / "fmi3" / f"{self.component.name}.fmu"
+        self.path = (place or built()) / "fmi3" / f"{self.component.name}.fmu"
         self.folder = Path(fmpy.extract(str(self.path)))
         self.description = fmpy.read_model_description(str(self.folder))
         self.variables = {v.name: v for v in self.description.modelVariables}

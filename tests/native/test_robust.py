@@ -19,9 +19,11 @@ from parts import FOLDERS, Part, sample_time, some, tuned
 from refusals import refusals
 from unpacked_native import STRICT, Unpacked, bits, compiled_host, expected, outputs, unpack
 
+QUICKLY = {"kernel.c": ("-O0",)}  # a third of the time of -O1, whose warnings tests/kernels/c_code.py asks for
 SANITIZED = ("-g1", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=undefined")
 KEPT = ROOT / "build" / "c_code"  # objects by their sources and options
 INCLUDED = re.compile(r'^#include "(.+)"', re.MULTILINE)
+Hosts = dict[int, Path]
 OFTEN = ("drive_voltage", "mhe", "sensor")
 THREADS = """
 import sys, json
@@ -148,7 +150,7 @@ def sanitized(unpacked: Unpacked) -> list[str]:
 
 def compiled(folder: Path, name: str) -> Path:
     """A source compiled once, also for other FMUs that have it: FMI 2.0 and 3.0 share kernels, components the rest."""
-    command = ["gcc", *STRICT, *SANITIZED, "-fPIC", "-c", name, "-o"]
+    command = ["gcc", *STRICT, *SANITIZED, *QUICKLY.get(name, ()), "-fPIC", "-c", name, "-o"]
     kept = KEPT / f"{hashlib.sha256(repr((command, included(folder, name))).encode()).hexdigest()[:32]}.o"
     if not kept.exists():
         KEPT.mkdir(parents=True, exist_ok=True)
@@ -171,31 +173,30 @@ def gcc_said(command: Sequence[str], folder: Path) -> str:
     return done.stdout
 
 
-@pytest.fixture
-def gcc() -> None:
+@pytest.fixture(scope="module")
+def watching(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """The hosts with sanitizers, by the version of FMI."""
     if sys.platform != "linux" or not shutil.which("gcc"):
         pytest.skip("no gcc, which has the sanitizers")
+    folder, sources = tmp_path_factory.mktemp("watching"), {2: "host.c", 3: "host3.c"}
+    return {fmi: compiled_host(("gcc",), folder / f"host{fmi}", *SANITIZED, source=s) for fmi, s in sources.items()}
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("gcc")
-def test_sanitizers_find_nothing_in_the_reference_run(part: Part, unpacked: Unpacked, tmp_path: Path) -> None:
+def test_sanitizers_find_nothing_in_the_reference_run(part: Part, unpacked: Unpacked, watching: Hosts) -> None:
     sanitized(unpacked)
-    host = compiled_host(("gcc",), tmp_path / "host", *SANITIZED)
-    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+    assert bits(outputs([watching[2]], unpacked, part)) == bits(expected(part))
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("gcc")
-def test_sanitizers_find_nothing_in_the_reference_run_of_fmi_3(part: Part, tmp_path: Path) -> None:
+def test_sanitizers_find_nothing_in_the_reference_run_of_fmi_3(part: Part, watching: Hosts, tmp_path: Path) -> None:
     unpacked = unpack(part.path.parent / "fmi3" / part.path.name, tmp_path / "fmu")
     sanitized(unpacked)
-    host = compiled_host(("gcc",), tmp_path / "host", *SANITIZED, source="host3.c")
-    assert bits(outputs([host], unpacked, part)) == bits(expected(part))
+    assert bits(outputs([watching[3]], unpacked, part)) == bits(expected(part))
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("gcc")
+@pytest.mark.usefixtures("watching")
 @pytest.mark.parametrize("part", [f for f in FOLDERS if f.name in OFTEN], indirect=True, ids=lambda f: f.name)
 def test_sanitizers_find_nothing_in_refusals_and_saved_states(
     part: Part, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -14,7 +14,7 @@ from lxml import etree
 
 pytest.importorskip("wasmtime", reason="no wasmtime, which runs WebAssembly components")
 
-from native3 import FOLDERS, PLACE, Fmu, Instance, bits, reference
+from native3 import FOLDERS, Fmu, Instance, bits, reference
 from wasm_host import CALLBACKS, ENGINE, RESOURCES, VERSION, WasmInstance, compiled
 from wasmtime import component as wit
 
@@ -22,7 +22,8 @@ from gapsense._os.native import ZIG, NativeError, zig_version
 from gapsense.fmi.components import own
 from gapsense.fmi.native import package, platforms
 from gapsense.fmi.native.compile import EMPTY, FOLDER, component, leb128
-from gapsense.fmi.native.platforms import WASM, chosen, compilers, here
+from gapsense.fmi.native.parts import gather
+from gapsense.fmi.native.platforms import WASM, chosen, compilers
 
 DRIVE, EKF = own("drive_voltage"), own("ekf")
 TYPES = f"fmi:fmi3/types@{VERSION}"
@@ -32,17 +33,17 @@ Made = Callable[[Path], Fmu]
 
 @pytest.fixture(scope="module")
 def fmus(shared: Callable[[str, Callable[[Path], object]], Path]) -> Made:
-    """The FMUs of all components for this machine and as WebAssembly, extracted."""
+    """The FMUs of all components as WebAssembly, extracted."""
     if zig_version() != ZIG:
         pytest.skip(f"no ziglang {ZIG}, which compiles for WebAssembly")
     found: dict[Path, Fmu] = {}
 
     def make(out: Path) -> None:
         out.mkdir()
-        assert [*package.build(FOLDERS, out, [WASM, *filter(None, [here()])], {})]
+        assert [*package.build(FOLDERS, out, [WASM], {})]
 
-    PLACE[:] = [shared("wasm", make)]
-    return lambda folder: found.setdefault(folder, Fmu(folder))
+    place = shared("wasm", make)
+    return lambda folder: found.setdefault(folder, Fmu(folder, place))
 
 
 @pytest.fixture(params=FOLDERS, ids=lambda folder: folder.name)
@@ -84,9 +85,9 @@ def test_imports_what_the_draft_has_and_files_only_with_resources(folder: Path, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("folder", [DRIVE, EKF], ids=lambda folder: folder.name)
-def test_refuses_with_the_sentences_of_the_native_fmu(folder: Path, fmus: Made) -> None:
+def test_refuses_with_the_sentences_of_the_native_fmu(folder: Path, fmus: Made, natives: Path) -> None:
     fmu = fmus(folder)
-    both = Instance(fmu), WasmInstance(fmu)
+    both = Instance(Fmu(folder, natives)), WasmInstance(fmu)
     (first, *_), texts = fmu.references("input"), [fmu[p.name] for p in fmu.component.of("parameter") if p.columns]
     calls: list[tuple[str, list[Any]]] = [
         ("getFloat64", [[123456]]),
@@ -144,10 +145,10 @@ def test_reads_files_of_its_resources_and_no_others(fmus: Made, tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_arrays_and_whole_numbers_are_those_of_the_native_fmu(fmus: Made) -> None:
+def test_arrays_and_whole_numbers_are_those_of_the_native_fmu(fmus: Made, natives: Path) -> None:
     for folder in (DRIVE, EKF):
         fmu = fmus(folder)
-        both = Instance(fmu), WasmInstance(fmu)
+        both = Instance(Fmu(folder, natives)), WasmInstance(fmu)
         for instance in both:
             instance.start(reference(folder).inputs[0])
         for name, variable in fmu.variables.items():
@@ -229,12 +230,20 @@ def test_fmu_has_the_manifest_where_the_draft_and_where_fmi_has_it(fmus: Made) -
 
 
 @pytest.mark.slow
-def test_alone_there_is_only_an_fmu_of_fmi_3(tmp_path: Path) -> None:
-    if zig_version() != ZIG:
-        pytest.skip(f"no ziglang {ZIG}, which compiles for WebAssembly")
-    ((_, path),) = package.build([own("semera")], tmp_path, [WASM], {})
-    assert path == tmp_path / "fmi3" / "Semera.fmu"
+def test_alone_there_is_only_an_fmu_of_fmi_3(fmus: Made) -> None:
+    path = fmus(own("semera")).path
+    assert {*path.parents[1].rglob("*.fmu")} == {*path.parent.glob("*.fmu")} and path.parent.name == "fmi3"
     assert ZipFile(path).read(f"binaries/{WASM}/Semera.wasm")[:8] == b"\0asm\x0d\0\1\0"  # a component
+
+
+def test_beside_a_library_it_is_in_the_same_fmu(tmp_path: Path) -> None:
+    binaries = {WASM: b"\0asm", "linux64": b"ELF"}
+    other, path = package.packaged(gather(own("semera"), {}), binaries, tmp_path)
+    assert other == tmp_path / "Semera.fmu" and path == tmp_path / "fmi3" / "Semera.fmu"
+    with ZipFile(path) as file:
+        assert file.read(f"binaries/{WASM}/Semera.wasm") == b"\0asm"
+        assert file.read("binaries/x86_64-linux/Semera.so") == b"ELF"
+    assert not [name for name in ZipFile(other).namelist() if "wasm" in name]
 
 
 def test_module_takes_the_place_that_the_shell_keeps_for_it() -> None:

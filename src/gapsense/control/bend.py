@@ -175,7 +175,8 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     apart = APART + DOUBTFUL * where(error < FAR, error, FAR)
     is_better = (seated <= 0.0) | (is_closing & (found < seated))
     follows = where(is_better, 1.0, where(is_closing, *FOLLOW)) * (where(is_closing, found, left) - seated)
-    is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, found < AFLOAT * (seated + follows))
+    is_afloat = (found < AFLOAT * (seated + follows)) & (running.averaged < 1.0)  # else the current is that of others
+    is_elsewhere = where(is_closing, found > (1.0 + apart) * seated, is_afloat)
     is_absent = where(is_closing & (seated <= 0.0), is_early & (early > OPENED), is_told & is_elsewhere)
     last = load(state.fluxes, place(running, running.age - 1.0))
     is_absent = is_absent | (is_closing & (square(last) < square(HELD) * balance(m.gap.smallest, m)))
