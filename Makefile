@@ -16,9 +16,9 @@ demo: fmus
 	$(BIN)/gapsense sweep scenarios/semera_valve --seeds 200
 	$(BIN)/gapsense figure scenarios/semera_valve
 
-test: lint  # then what keeps one core busy each, and with the tests what neither waits for them nor they for it
-	$(MAKE) --jobs 2 fmus natives
-	$(MAKE) --jobs 3 types scenarios unit
+test: lint  # types beside natives, each of which keeps one core busy; then two workers for the tests, and beside them the scenarios
+	$(MAKE) --jobs 2 fmus natives types
+	$(MAKE) --jobs 3 scenarios unit
 
 fast: fmus
 	$(BIN)/pytest $(PLUGINS) -q -n 2 -m "not slow" -x

@@ -31,8 +31,10 @@ from costs import (
     measured,
     table,
 )
+from host import ROOT
 
 from gapsense.embedded.design import REALS
+from gapsense.fmi.components import load_component
 
 
 def main() -> int:
@@ -57,7 +59,7 @@ def main() -> int:
 
 def is_chosen(row: Row, only: Sequence[str] | None) -> bool:
     """Whether a row is of one of these components; of any, if none are given."""
-    return not only or row.record().folder.name in only
+    return not only or row.fmu() in [load_component(ROOT / "fmus" / name).name for name in only]
 
 
 def replaced(old: str, new: str) -> str:

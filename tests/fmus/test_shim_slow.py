@@ -1,4 +1,4 @@
-"""The Linux binary under sanitizers, and hundreds of exits."""
+"""The Linux binary under sanitizers, and many exits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gapsense.fmi.shim.build import SHIM
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")]
 
-EXITS = 200
+EXITS = 60  # of a process that would crash one time in twenty, 95 % of these tests fail
 SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 
 
@@ -87,7 +87,7 @@ def test_threads_and_forks_under_sanitizers(sanitized: dict[str, Path], watched:
 
 
 @pytest.mark.parametrize(("name", "code"), [("Lag", 0), ("Raiser", 13)])
-def test_hundreds_of_exits(c_host: Path, stock: Path, name: str, code: int) -> None:
+def test_many_exits(c_host: Path, stock: Path, name: str, code: int) -> None:
     with ThreadPoolExecutor(2) as pool:
-        runs = list(pool.map(lambda k: in_host(c_host, stock / name, options=f"-n {10 + k} -t 2"), range(EXITS)))
+        runs = list(pool.map(lambda k: in_host(c_host, stock / name, options=f"-n {10 + 3 * k} -t 2"), range(EXITS)))
     assert [run.returncode for run in runs] == [code] * EXITS

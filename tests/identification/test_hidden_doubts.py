@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from imperfect_records import CONDITIONS, records
 
-from gapsense.identification.causes import is_place
+from gapsense.identification.causes import edges, is_place
 from gapsense.identification.measurements.prepare import hidden_level
 from gapsense.identification.measurements.record import seen_ends
 from gapsense.identification.valve.errors import doubts
@@ -58,3 +58,10 @@ def test_end_of_each_clamp_that_noise_hides_is_doubted():
     ends = {name: x for name, x in doubts(prepared, [], {}).causes.items() if is_place(name)}
     assert len(ends) == sum(len(flux.operations) for flux in prepared.fluxes)
     assert [*set(ends.values())] == pytest.approx([12.0**-0.5])
+    assert {*ends} <= {*prepared.edges}  # what the current at rest does not tell, the model may
+
+
+def test_end_of_a_clamp_that_the_current_tells_is_not_sought():
+    v = np.repeat([0.0, 30.0, -40.0, 0.0], [20, 60, 11, 60])
+    assert edges(v) == [20, 80] and edges(v, hidden=[91]) == [20, 80, 91]
+    assert edges(np.repeat([0.0, 30.0, -40.0, 0.0], [20, 60, 6, 60]), hidden=[86]) == [20, 80]  # too near

@@ -11,6 +11,7 @@ from board import BOARDS, Cost, cost
 from board import EVERY as MACHINES
 from host import ROOT
 
+from gapsense.cosim import load
 from gapsense.embedded.design import Design, designed
 from records import Given, in_scenario
 
@@ -40,6 +41,10 @@ class Row(NamedTuple):
     given: tuple[tuple[str, float], ...] = ()  # parameters that are other than in the scenario
     variant: str | None = None
     real: str = "float"
+
+    def fmu(self) -> str:
+        """Name of its FMU, for which its scenario need not run."""
+        return load(ROOT / "scenarios" / self.scenario, self.variant).components[self.part].fmu
 
     def record(self) -> Given:
         """What it gets in its scenario."""

@@ -236,11 +236,21 @@ def _backward() -> Callable[..., tuple[float, ...]]:
     return compiled(trace(smoothed, arguments))
 
 
+@cache
+def _physical() -> Callable[..., tuple[float, ...]]:
+    """`ekf.physical` as scalar Python on flat tuples."""
+
+    def told(at: Estimate, par: Parameters) -> ekf.Estimates:
+        return physical(Gaussian(at.mean, at.cov), normalised(par))
+
+    return compiled(trace(told, {"at": Estimate, "par": Parameters}))
+
+
 def _estimates(entries: list[tuple[float, ...]], par: Parameters) -> Estimates:
     values = np.array(entries, float)
     mean, cov = values[:, :5], np.empty((len(values), 5, 5))
     for k, (i, j) in enumerate(triangle(5)):
         cov[:, i, j] = cov[:, j, i] = values[:, 5 + k]
-    m = normalised(par)
-    rows = [physical(Gaussian(*record(Estimate, entry)), m) for entry in entries]
+    told = _physical()
+    rows = [told(entry, par) for entry in entries]
     return Estimates(mean, cov, **dict(zip(ekf.Estimates._fields, np.array(rows, float).T)))

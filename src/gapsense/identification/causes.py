@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -72,17 +72,21 @@ def of_record(values: Mapping[str, float], number: int) -> dict[str, float]:
     return {name: x for name, x in values.items() if not is_place(name) or name.startswith(f"{PLACE}{number}.")}
 
 
-def edges(voltage: Vector) -> list[int]:
+def edges(voltage: Vector, hidden: Collection[int] = ()) -> list[int]:
     """The sample after each edge of a voltage, none if they follow each other too fast; the end of a clamp is none.
 
-    Where a clamp ends the current tells, see `halves`.
+    Where a clamp ends the current tells, see `halves`; but for `hidden` ones, which are edges if they are far enough
+    from the others.
     """
-    steps, least, found = np.abs(np.diff(voltage)), STEEP * float(np.ptp(voltage)), list[int]()
+    steps, least, found, unseen = np.abs(np.diff(voltage)), STEEP * float(np.ptp(voltage)), list[int](), list[int]()
     for a, b in signals.edges(voltage, STEEP):
-        if not (voltage[a] < -least and abs(voltage[b]) < least):
-            found.append(a + 1 + int(np.argmax(steps[a:b])))
+        is_end = voltage[a] < -least and abs(voltage[b]) < least
+        (unseen if is_end else found).append(a + 1 + int(np.argmax(steps[a:b])))
     apart = np.diff([-BESIDE, *found])
-    return found if len(found) <= MOST and bool(np.all(apart > 2 * BESIDE)) else []
+    if len(found) > MOST or np.any(apart <= 2 * BESIDE):
+        return []
+    more = [k for k in unseen if k in hidden and all(abs(k - at) > 2 * BESIDE for at in found)]
+    return sorted([*found, *more]) if len(found) + len(more) <= MOST else found
 
 
 def displaced(s: Signals, sample: int, later: float) -> Signals:

@@ -14,7 +14,7 @@ from gapsense.identification.causes import BESIDE, PLACE, Signals, apply_causes,
 from gapsense.identification.least_squares import Matrix, finite
 from gapsense.identification.measurements.low_pass import Filtered, LowPass, weights
 from gapsense.identification.measurements.operations import Flux, Operation, coil, estimate, operations, trapezoid
-from gapsense.identification.measurements.record import Record, Vector, between, place_jumps, read_each
+from gapsense.identification.measurements.record import Record, Vector, between, place_jumps, read_each, seen_ends
 from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.identification.measurements.switching import Carrier, carrier, rises
 from gapsense.identification.valve import lossy_valve
@@ -437,7 +437,8 @@ class Prepared(NamedTuple):
     @property
     def edges(self) -> list[str]:
         """Names of the places of all edges that are far enough from each other, from the first operation on."""
-        every = [(j, k) for j, record in enumerate(self.records) for k in edges(record.voltage)]
+        unseen = [{k for k, part, _ in seen_ends(r.voltage, r.current) if part is None} for r in self.records]
+        every = [(j, k) for j, record in enumerate(self.records) for k in edges(record.voltage, unseen[j])]
         return [f"{PLACE}{j}.{k}" for j, k in every if self.fluxes[j].operations[0].start < k]
 
     def readings(self, conventions: Sequence[str]) -> list[Prepared]:
