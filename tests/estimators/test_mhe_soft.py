@@ -6,14 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from c_code import driven
+from c_code import CKernel, driven
 from lossy_valve import HALF, T_S
-from mhe_plant import CYCLE, CYCLES, START, Plant, noisy
+from mhe_plant import CYCLE, CYCLES, START, Plant, noisy, plant
 from mhe_signals import blind, kernel, rows, run, state_of
 from soft_landings import RUNS, Told, estimated, landings, told
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators.mhe import mhe, solve, window
+from gapsense.estimators.mhe.model import device, model
 from gapsense.studies.devices import RTS_VALVE
 
 LONG = [pytest.param(20e-6, restitution, marks=pytest.mark.slow) for restitution in (0.0, 0.3)]
@@ -131,7 +132,7 @@ def test_a_step_is_sought_again_with_more_on_the_diagonal(n: float, more: float)
     work = state_of(c).work
     work = solve._damp(work._replace(fit=work.fit._replace(whole=whole)), n, par)
     factors = [1.0 + more * (i == j) for i, j in window.PAIRS]
-    np.testing.assert_allclose(work.fit.normal, np.multiply(whole, factors), rtol=1e-12)
+    np.testing.assert_allclose(work.fit.inverse, np.multiply(whole, factors), rtol=1e-12)
     assert work.phase == window.Phase.solving and work.fit.shortenings == n
     assert solve.damping(work, n, blind()) == 0.0
 
@@ -143,10 +144,10 @@ def test_it_begins_again_after_two_windows_that_nothing_explains(further: float,
     c.call("initial", (0.0, 0.0, 0.0, 0.0), par)
     state = state_of(c)
     known = [0.05] * window.START + [0.0]
-    work, normal = state.work, [-1.0 * (i == j) for i, j in window.PAIRS]
+    work, inverse = state.work, [-1.0 * (i == j) for i, j in window.PAIRS]
     work = work._replace(
         window=work.window._replace(end=9.0, age=500.0),
-        fit=work.fit._replace(q_prior=known, q=[1.0] * 12, normal=normal),
+        fit=work.fit._replace(q_prior=known, q=[1.0] * 12, inverse=inverse),
         learnt=work.learnt._replace(misfit=before),
     )
     after = solve._finish(work, 9.0, state.samples, 1.0, par)
@@ -161,3 +162,26 @@ def test_more_pace_tells_the_same_sooner() -> None:
     slow, fast = (np.array([(row.late, row.misfit, row.time) for row in rows]) for rows in pairs)
     assert np.median(fast[:, 0]) < 0.3 * np.median(slow[:, 0]) and fast[:, 0].max() < slow[:, 0].max()
     assert np.all(np.abs(fast[:, 1] - slow[:, 1]) < 0.3) and np.all(np.abs(fast[:, 2]) < 0.1e-3)
+
+
+def test_a_trial_with_derivatives_is_the_pass_that_would_follow() -> None:
+    """Where it is better and not the last one: cost and normal equations are those of a pass from what it has found."""
+    par, s, passes = blind(option_further=1.0), plant(), []
+
+    def look(c: CKernel) -> None:
+        work, samples, smoothed = (state := state_of(c)).work, state.samples, state.smoothed
+        if work.phase != window.Phase.deriving or not (work.pass_done and work.fit.derives and work.fit.tries):
+            return
+        m = model(par, device(par))
+        again = window.begin_pass(solve._start_deriving(work), m, par)
+        while not again.pass_done:
+            again, smoothed = window.advance_pass(again, samples, smoothed, m, par)
+        passes.append((work, again))
+
+    run(par, rows(s.voltage, noisy(s))[:2000], look)
+    assert passes
+    for work, again in passes:
+        assert work.walk.done == again.walk.done == work.window.end and work.walk.landings == again.walk.landings
+        np.testing.assert_allclose(work.walk.cost, again.walk.cost, rtol=1e-9)
+        np.testing.assert_allclose(work.fit.gradient, again.fit.gradient, rtol=1e-9)
+        np.testing.assert_allclose(work.fit.normal, again.fit.normal, rtol=1e-9)

@@ -15,6 +15,7 @@ from test_mhe_sampling import operated
 
 from gapsense.embedded.design import designed
 from gapsense.embedded.export import memory
+from records import in_scenario
 
 # Largest instructions per step of Semera (mean) on each board, with four outputs and its parameters as constants; lean
 AIMS = {False: {"Cortex-M3": 5600, "Cortex-M4F": 225}, True: {"Cortex-M3": 4700, "Cortex-M4F": 205}}
@@ -113,4 +114,11 @@ def test_no_step_of_mhe_is_long_at_coarse_samples(micros: int, tmp_path: Path) -
     measured = (plant.voltage[:1000] + 30e-3 * noise[0], plant.current[:1000] + 2e-3 * noise[1])
     rows = np.transpose([dt * np.arange(1000), *measured, np.zeros(1000)]).astype(np.float32).astype(float).tolist()
     found = cost(design, rows, "Cortex-M4F", tmp_path)
+    assert found.most <= 5.0 * found.median, found
+
+
+def test_no_step_of_mhe_is_long_in_the_loop_of_run_to_run(tmp_path: Path) -> None:
+    """Not beyond five medians; it was six with the three pieces of a step without which windows came too late."""
+    given = in_scenario("run_to_run", "mhe", variant="model")
+    found = cost(designed(given.folder, "float", (), given.values), given.rows, "Cortex-M4F", tmp_path)
     assert found.most <= 5.0 * found.median, found

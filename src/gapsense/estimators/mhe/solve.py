@@ -2,7 +2,8 @@
 
 The cost (4) of corrections q is sum w^2 (i - i_model)^2 + (q - q0)' Pi (q - q0), with the posterior of the window
 before as arrival cost.  A pass with derivatives J of the current sums up H = sum w^2 J J' and g = sum w^2 r J of (5).
-Work per sample is bounded: `window.pace` pieces of a pass, or two pivots of an inverse, by default as many pairs.
+With `option.further` a trial that is hardly the last one sums them up too, so that none is to follow, and ends where it
+turns out worse.  Work per sample is bounded: `window.pace` pieces of a pass, or as many pairs of pivots of an inverse.
 
        a window opens <------------------------------------------------------+
               |                                                              |
@@ -30,6 +31,7 @@ from typing import NamedTuple
 
 from gapsense.estimators.mhe.model import Model, Parameters, Point
 from gapsense.estimators.mhe.window import (
+    ANY,
     FARTHEST,
     LATER,
     LOOK,
@@ -133,6 +135,7 @@ class Effort(NamedTuple):
     starts: Scalar
     searches: Scalar  # among these
     backlog: Scalar  # samples that may wait behind a window that nothing explained; more are dropped
+    promising: Scalar  # by how much of the misfit a step is to lower it that is hardly the last one
 
 
 USUAL_EFFORT = Effort(
@@ -145,6 +148,7 @@ USUAL_EFFORT = Effort(
     starts=float(len(STARTS)),
     searches=1.0,
     backlog=200.0,
+    promising=ANY,
 )
 # after a window that nothing explained: the next one will hardly be
 HASTY = USUAL_EFFORT._replace(tries=2.0, late=0.0, later=0.0, latest=0.0, searches=0.0)
@@ -159,6 +163,7 @@ THOROUGH = Effort(
     starts=float(len(MORE_STARTS)),
     searches=4.0,
     backlog=5000.0,
+    promising=0.2,
 )
 
 
@@ -331,7 +336,7 @@ def _start_solving(work: Work, par: Parameters) -> Work:
     Pi, d = get_matrix(fit.prior), get(fit.q, N) - get(fit.q_prior, N)
     pull = Pi @ d
     fit = fit._replace(
-        gradient=put(fit.gradient, get(fit.gradient, N) - pull),
+        descent=put(fit.descent, get(fit.gradient, N) - pull),
         whole=put_matrix(fit.whole, get_matrix(fit.normal) + Pi),
         total=work.walk.cost + d @ pull,  # (4)
         lands=flag(has_landed(work.walk)),
@@ -353,7 +358,7 @@ def _damp(work: Work, n: Scalar, par: Parameters) -> Work:
     A, more = get_matrix(work.fit.whole), damping(work, n, par)
     for k in range(N):
         A[k, k] = A[k, k] + more * A[k, k]
-    fit = work.fit._replace(normal=put_matrix(work.fit.normal, A), pivots_done=0.0, shortenings=n)
+    fit = work.fit._replace(inverse=put_matrix(work.fit.inverse, A), pivots_done=0.0, shortenings=n)
     return work._replace(phase=Phase.solving, fit=fit)
 
 
@@ -381,15 +386,14 @@ def _pass_idle(work: Work, par: Parameters) -> Work:
 def _invert(work: Work, par: Parameters) -> Work:
     """Some pivots, two at once; after the last ones a trial, or the next window."""
     fit = work.fit
-    pairs = where(par.window_pace > 0.0, 1.0, pace(par))
-    most = clip(fit.pivots_done + 2.0 * pairs, 0.0, float(N))
+    most = clip(fit.pivots_done + 2.0 * pace(par), 0.0, float(N))
 
-    def two(normal: Array, done: Scalar) -> tuple[tuple[Array, Scalar], Scalar]:
-        return (put_matrix(normal, swept(swept(get_matrix(normal)))), done + 2.0), done + 2.0 >= most
+    def two(inverse: Array, done: Scalar) -> tuple[tuple[Array, Scalar], Scalar]:
+        return (put_matrix(inverse, swept(swept(get_matrix(inverse)))), done + 2.0), done + 2.0 >= most
 
     def pivot() -> Work:
-        normal, done = loop(N // 2, two, (fit.normal, fit.pivots_done))
-        return work._replace(fit=fit._replace(normal=normal, pivots_done=done))
+        inverse, done = loop(N // 2, two, (fit.inverse, fit.pivots_done))
+        return work._replace(fit=fit._replace(inverse=inverse, pivots_done=done))
 
     def use() -> Work:
         return cond(work.phase == Phase.solving, lambda: _start_trying(work, par), lambda: _renew(work, par))
@@ -403,15 +407,15 @@ def _start_trying(work: Work, par: Parameters) -> Work:
     If the window is only looked at, it begins again with the step, without a trial.
     """
     fit, looks = work.fit, work.window.end <= 0.0
-    gradient, retries = get(fit.gradient, N), effort(work.learnt, par).retries
-    full = -(get_matrix(fit.normal) @ gradient)  # (5)
-    predicted = fit.total - full @ gradient  # (6)
-    is_little = fit.total - predicted < COST_TOLERANCE * usual_cost(work.walk, par)
-    is_little = (fit.shortenings < 1.0) & (fit.tries > 1.0) & is_little
-    stays = is_little | (fit.shortenings >= retries)
+    descent, worth = get(fit.descent, N), effort(work.learnt, par)
+    full = -(get_matrix(fit.inverse) @ descent)  # (5)
+    gain, usual = full @ descent, usual_cost(work.walk, par)
+    is_little = (fit.shortenings < 1.0) & (fit.tries > 1.0) & (gain < COST_TOLERANCE * usual)
+    is_last = fit.shortenings >= worth.retries
+    promising = where(fit.shortenings > 0.0, COST_TOLERANCE, worth.promising)  # a damped one is not the last one
     steps = enumerate(zip(get(fit.q, N), _limit(full, looks, par)))
     most = [*bounds(par), FARTHEST]
-    change = [clip(q + where(stays, 0.0, x), -most[k], most[k]) - q for k, (q, x) in steps]
+    change = [clip(q + where(is_little | is_last, 0.0, x), -most[k], most[k]) - q for k, (q, x) in steps]
     begun = [q + where(looks, x, 0.0) for q, x in zip(get(fit.q, N), change)]
     return work._replace(
         phase=where(looks, Phase.deriving, Phase.trying),
@@ -422,8 +426,9 @@ def _start_trying(work: Work, par: Parameters) -> Work:
             q=put(fit.q, begun),
             tries=where(looks, 0.0, fit.tries),
             change=put(fit.change, change),
-            predicted_cost=predicted,
-            shortenings=where(is_little, retries, fit.shortenings),
+            predicted_cost=fit.total - gain,  # (6)
+            derives=flag((gain > promising * usual) & not_(is_last)),
+            shortenings=where(is_little, worth.retries, fit.shortenings),
         ),
     )
 
@@ -452,7 +457,7 @@ def usual_cost(walk: Walk, par: Parameters) -> Scalar:
 def _renew(work: Work, par: Parameters) -> Work:
     """The next window begins with Pi of (8); what a good one has taught is noted, unless the operation was strange."""
     fit = work.fit
-    Pi = -get_matrix(fit.normal)
+    Pi = -get_matrix(fit.inverse)
     fits, is_doubtful = work.learnt.misfit < GOOD_MISFIT, is_set(work.window.is_doubtful)
     is_good = fits & (work.learnt.rejected >= 0.0) & not_(is_doubtful)
     return _open_window(
@@ -544,8 +549,12 @@ def _judge(work: Work, samples: Samples, time: Scalar, par: Parameters) -> Work:
         return cond(
             is_done,
             lambda: _finish(take(), found.misfit, samples, time, par),
-            lambda: _start_deriving(when(found.grows, grow, take())),
+            lambda: derive(_start_deriving(when(found.grows, grow, take()))),
         )
+
+    def derive(work: Work) -> Work:
+        is_known = is_set(work.fit.derives) & not_(found.grows)
+        return work._replace(pass_start=where(is_known, PassStart.under_way, PassStart.due), pass_done=flag(is_known))
 
     def retry() -> Work:
         n = work.fit.shortenings + 1.0
@@ -565,7 +574,8 @@ def _shorten(work: Work, n: Scalar, par: Parameters) -> Work:
 def _try_start(work: Work, par: Parameters) -> Work:
     """A trial of one of the starts, from what was found."""
     change = start_of(work.search.start_index, work.learnt, par)
-    return work._replace(fit=work.fit._replace(change=put(work.fit.change, change)), pass_start=PassStart.due)
+    fit = work.fit._replace(change=put(work.fit.change, change), derives=0.0)
+    return work._replace(fit=fit, pass_start=PassStart.due)
 
 
 def _compare_start(work: Work, par: Parameters) -> Work:
@@ -655,7 +665,7 @@ def _tell(work: Work, misfit: Scalar, time: Scalar, par: Parameters) -> Learnt:
 def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     """The posterior, wider by misfit and drift (8), is to become the next prior."""
     fit, old = work.fit, work.learnt
-    posterior = -get_matrix(fit.normal)
+    posterior = -get_matrix(fit.inverse)
     P = _widening(misfit, old, par) * (1.0 + damping(work, fit.shortenings, par)) * posterior
     deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
     d, Pi = get(fit.q, N) - get(fit.q_prior, N), get_matrix(fit.prior)
@@ -674,7 +684,7 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     settles = (moved > 0.0) & (old.explained >= SETTLES - 1.0) & (surplus <= 0.0)
     return work._replace(
         phase=Phase.renewing,
-        fit=fit._replace(q=store(fit.q, START, 0.0), normal=put_matrix(fit.normal, P), pivots_done=0.0),
+        fit=fit._replace(q=store(fit.q, START, 0.0), inverse=put_matrix(fit.inverse, P), pivots_done=0.0),
         learnt=old._replace(
             rejected=where(old.rejected < 0.0, old.rejected + moved, 0.0),
             explained=old.explained + moved,

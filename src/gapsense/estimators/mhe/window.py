@@ -1,8 +1,8 @@
 """The window of `Mhe`: its samples, the records of the work on it, and a pass of the model through it.
 
 A pass begins at the window's first sample with corrected parameters.  One with derivatives sums up the normal equations
-(5); a trial, without, only the cost (4).  Vectors and matrices lie in array memory, symmetric ones by their upper
-triangle.
+(5), one without, as most trials are, only the cost (4).  Vectors and matrices lie in array memory, symmetric ones by
+their upper triangle.
 """
 
 from __future__ import annotations
@@ -53,6 +53,7 @@ UNSEEN = 0.15  # doubt of the eddy currents before the first window
 PROVEN, DOUBTFUL = 4.0, 6.0  # motions that are explained before one without a sign is right; with other eddy currents
 # motions that are explained, after which less is strange where there is little flux, and a misfit is that of a fault
 PRACTISED = 10.0
+ANY = 1e30  # cost that no pass has
 LOOK, LATER = 20.0, 4.0  # samples with a voltage until the first look at an operation; times as many until the next
 
 
@@ -126,13 +127,16 @@ class Fit(NamedTuple):
     change: Annotated[Array, Memory(12)]  # step that is tried
     device: Annotated[Array, Memory(11)]  # `Device` of the pass
     tangents: Annotated[Array, Memory(48)]  # derivatives of the state, row by row
-    normal: Annotated[Array, Memory(78)]  # H, or what is being inverted
+    normal: Annotated[Array, Memory(78)]  # H
     gradient: Annotated[Array, Memory(12)]  # g
-    whole: Annotated[Array, Memory(78)]  # H + Pi
+    whole: Annotated[Array, Memory(78)]  # H + Pi at q
+    descent: Annotated[Array, Memory(12)]  # g - Pi (q - q_0) at q
+    inverse: Annotated[Array, Memory(78)]  # what is being inverted
     prior: Annotated[Array, Memory(78)]  # Pi
     summed: Scalar = 0.0  # sum w^2 up to the last derivatives
     pivots_done: Scalar = 0.0
-    lands: Scalar = 0.0  # flag: the mover has landed in the last pass with derivatives
+    lands: Scalar = 0.0  # flag: the mover lands at q
+    derives: Scalar = 0.0  # flag: the trial is a pass with derivatives
     tries: Scalar = 0.0  # passes with derivatives
     shortenings: Scalar = 0.0  # of the step
     total: Scalar = 0.0  # cost at q
@@ -202,6 +206,8 @@ def first_work(at: Point, time: Scalar, par: Parameters) -> Work:
             normal=zeros(n),
             gradient=zeros(N),
             whole=zeros(n),
+            descent=zeros(N),
+            inverse=zeros(n),
             prior=zeros(n),
         ),
         learnt=Learnt(takeoff_time=time, landing_time=time, deviations=zeros(START)),
@@ -309,7 +315,7 @@ def begin_pass(work: Work, m: Model, par: Parameters) -> Work:
         pass_start=PassStart.under_way,
         is_followed=0.0,
         walk=first_walk(at, par)._replace(is_loose=work.window.begins_loose),
-        fit=when(not_(is_trying), _clear_sums, fit),
+        fit=when(derives(work), _clear_sums, fit),
     )
 
 
@@ -328,7 +334,7 @@ def advance_pass(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par
 
     def one(work: Work, smoothed: Smoothed, n: Scalar) -> tuple[tuple[Work, Smoothed, Scalar], Scalar]:
         work, smoothed = cond(
-            work.phase == Phase.deriving,
+            derives(work),
             lambda: _derive(work, samples, smoothed, m, par),
             lambda: _try(work, samples, smoothed, m, par),
         )
@@ -345,9 +351,14 @@ def pace(par: Parameters) -> Scalar:
     return where(par.window_pace > 0.0, par.window_pace, by_time)
 
 
+def derives(work: Work) -> Scalar:
+    """Whether a pass is one with derivatives."""
+    return (work.phase == Phase.deriving) | is_set(work.fit.derives)
+
+
 def _derive(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
     """Samples of a pass with derivatives; the first such pass finds the end of the window."""
-    window = work.window
+    window, most = work.window, _most(work, par)
     is_open = window.end <= 0.0
     limit = where(is_open | (window.age < window.end), window.age, window.end)
 
@@ -355,12 +366,20 @@ def _derive(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Par
         new, weighted = _visit(walk, window, samples, m, par)
         new = new._replace(pending=walk.pending + 1.0, residuals=walk.residuals + weighted)
         kept = remember(smoothed, new, window, samples, par)
-        ends = cond(is_open, lambda: _ends(new, window, samples, par), lambda: new.done >= window.end)
+        is_over = (new.done >= window.end) | (new.cost > most)
+        ends = cond(is_open, lambda: _ends(new, window, samples, par), lambda: is_over)
         return (new, kept, flag(ends)), (new.done >= limit) | _is_full(new, par) | ends
 
     walk, smoothed, ends = loop(AT_ONCE, one, (work.walk, smoothed, 0.0))
     work = work._replace(walk=walk, pass_done=where(is_look(work._replace(walk=walk), par), 1.0, ends))
     return when(_is_full(walk, par), lambda work: _add_sums(work, m, par), work), smoothed
+
+
+def _most(work: Work, par: Parameters) -> Scalar:
+    """Cost beyond which a pass need not go on: with `option.further`, that which a trial is to beat."""
+    is_searching, least = work.search.start_index > 0.0, where(is_set(work.fit.derives), work.fit.total, ANY)
+    beaten = where(is_searching, work.search.least_total, least)
+    return where((work.phase == Phase.trying) & is_set(par.option_further), beaten, ANY)
 
 
 def is_untaught(learnt: Learnt, par: Parameters) -> Scalar:
@@ -396,8 +415,8 @@ def _is_full(walk: Walk, par: Parameters) -> Scalar:
 
 
 def _try(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parameters) -> tuple[Work, Smoothed]:
-    """Samples of a trial."""
-    window = work.window
+    """Samples of a trial without derivatives."""
+    window, most = work.window, _most(work, par)
     limit = where(window.age < window.end, window.age, window.end)
     by_time = clip(floor(TRIED / par.sample_time), FEWEST, float(PACE))
     piece = work.walk.done + where(par.window_pace > 0.0, float(PACE), by_time)
@@ -405,10 +424,10 @@ def _try(work: Work, samples: Samples, smoothed: Smoothed, m: Model, par: Parame
 
     def one(walk: Walk, smoothed: Smoothed) -> tuple[tuple[Walk, Smoothed], Scalar]:
         new, _ = _visit(walk, window, samples, m, par)
-        return (new, remember(smoothed, new, window, samples, par)), new.done >= limit
+        return (new, remember(smoothed, new, window, samples, par)), (new.done >= limit) | (new.cost > most)
 
     walk, smoothed = loop(PACE, one, (work.walk, smoothed))
-    return work._replace(walk=walk, pass_done=flag(walk.done >= window.end)), smoothed
+    return work._replace(walk=walk, pass_done=flag((walk.done >= window.end) | (walk.cost > most))), smoothed
 
 
 def _visit(walk: Walk, window: Window, samples: Samples, m: Model, par: Parameters) -> tuple[Walk, Scalar]:
