@@ -20,7 +20,7 @@ from gapsense.kernels.emit import C, Graph
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import fields, flat, names
 
-# -O1: half the time of -O2, with which native FMUs are compiled and compared
+# as native FMUs are compiled
 FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 KEPT = Path(__file__).resolve().parents[2] / "build" / "c_code"  # libraries by their source and options
 
