@@ -173,11 +173,15 @@ def gcc_said(command: Sequence[str], folder: Path) -> str:
     return done.stdout
 
 
-@pytest.fixture(scope="module")
-def watching(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
-    """The hosts with sanitizers, by the version of FMI."""
+@pytest.fixture(scope="session")
+def gcc() -> None:
     if sys.platform != "linux" or not shutil.which("gcc"):
         pytest.skip("no gcc, which has the sanitizers")
+
+
+@pytest.fixture(scope="module")
+def watching(gcc: None, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """The hosts with sanitizers, by the version of FMI."""
     folder, sources = tmp_path_factory.mktemp("watching"), {2: "host.c", 3: "host3.c"}
     return {fmi: compiled_host(("gcc",), folder / f"host{fmi}", *SANITIZED, source=s) for fmi, s in sources.items()}
 

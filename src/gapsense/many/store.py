@@ -241,12 +241,12 @@ def of_runs(places: Sequence[int]) -> str:
 
 def connect(file: Path, mode: str = "rwc") -> sqlite3.Connection:
     """Connection to a file, in which transactions are begun by hand."""
-    uri = f"{file.resolve().as_uri()}?mode={mode}"
-    return knowing(sqlite3.connect(uri, uri=True, isolation_level=None, timeout=PATIENCE))
+    return knowing(f"{file.resolve().as_uri()}?mode={mode}", timeout=PATIENCE)
 
 
-def knowing(connection: sqlite3.Connection) -> sqlite3.Connection:
-    """A connection that knows `whole`."""
+def knowing(uri: str, timeout: float = 0.0) -> sqlite3.Connection:
+    """A connection that knows `whole`; one that nobody has closed is closed by the thread that collects garbage."""
+    connection = sqlite3.connect(uri, uri=True, timeout=timeout, isolation_level=None, check_same_thread=False)
     connection.create_function("whole", 2, is_whole, deterministic=True)
     return connection
 
@@ -266,7 +266,7 @@ def reading(file: Path) -> sqlite3.Connection:
 def writing(file: Path | None) -> sqlite3.Connection:
     """The file, opened for writing and made if need be; damaged entries are reported and deleted."""
     if file is None:
-        return prepared(knowing(sqlite3.connect(":memory:", isolation_level=None)))
+        return prepared(knowing("file::memory:"))
     file.parent.mkdir(parents=True, exist_ok=True)
     commits = logged(file)
     try:
