@@ -12,8 +12,9 @@ from gapsense.fmi.components import find_components
 from gapsense.fmi.ports import Component
 
 # Bytes of a native FMU for two platforms: checks of indices cost some 5 %, our own exp, log and tanh 3 %, tables over
-# two variables 1 %, stops on which the mover of `Mhe` bounces 4 %, its sharper knee 1 %, noise in `RunToRun` 2 %.
-LARGEST = 401e3
+# two variables 1 %, stops on which the mover of `Mhe` bounces 4 %, its sharper knee 1 %, noise in `RunToRun` 2 %, its
+# openings that float .4 %.
+LARGEST = 402.5e3
 FOLDERS = find_components(ROOT / "fmus")
 
 
