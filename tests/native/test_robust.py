@@ -182,7 +182,7 @@ def gcc() -> None:
 
 
 @pytest.fixture(scope="module")
-def watching(gcc: None, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+def watching(gcc: None, tmp_path_factory: pytest.TempPathFactory) -> Hosts:
     """The hosts with sanitizers, by the version of FMI."""
     folder, sources = tmp_path_factory.mktemp("watching"), {2: "host.c", 3: "host3.c"}
     return {fmi: compiled_host(("gcc",), folder / f"host{fmi}", *SANITIZED, source=s) for fmi, s in sources.items()}

@@ -114,9 +114,8 @@ def minimise(p: Problem, start: Vector, longest: int = 50, enough: float = 1e-8)
         answer = p.residuals(points) if known is None else p.jacobian(points[0], known)
 
 
-Asked: TypeAlias = (
-    "tuple[list[Vector], Vector | None]"  # points, for residuals; or one with these residuals, for derivatives
-)
+# Points, for their residuals; or one point with its residuals, for their derivatives.
+Asked: TypeAlias = "tuple[list[Vector], Vector | None]"
 Descent: TypeAlias = Generator[Asked, Any, Minimum]
 
 

@@ -359,9 +359,7 @@ def uncertainty(
     The places of edges are the last of these; their errors are in those of all else, but not told.
     """
     doubts = doubts or Doubts()
-    hidden = [
-        name for name, x in doubts.causes.items() if x and (name in HIDDEN or is_place(name)) and name not in fitted
-    ]
+    hidden = [n for n, x in doubts.causes.items() if x and n not in fitted and (n in HIDDEN or is_place(n))]
     known = (*fitted, *["eddy"] * ("core_eddy" in form.fitted))
     if all(o.held for e in experiments for o in e.operations):
         known = (*known, "series")  # which nothing tells from the coil's while this is on all the time
