@@ -169,10 +169,9 @@ def example(design: Design) -> str:
     times, rows = record(design)
     period = sample_time(design) or times[1]
     steps = max(1, round(times[1] / period))
+    title = f"{design.component.name} at work: it gets a short record and prints its outputs. {origin(design)}"
     return template("main.c").format(
-        head=comment(
-            f"{design.component.name} at work: it gets a short record and prints its outputs. {origin(design)}"
-        ),
+        head=comment(title),
         name=name,
         rows=len(rows),
         steps=steps,

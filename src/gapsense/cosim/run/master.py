@@ -379,16 +379,9 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     """What cannot change while the FMUs are loaded."""
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
-    targets = {name: event.target for name, event in scenario.events.items()}
+    targets = [(name, event.target) for name, event in scenario.events.items()]
     boards = [c.firmware and sha256(c.firmware) for c in bare.values()]
-    return (
-        list(bare.items()),
-        hashes,
-        boards,
-        scenario.connections,
-        list(targets.items()),
-        scenario.experiment.step_limit,
-    )
+    return [*bare.items()], hashes, boards, scenario.connections, targets, scenario.experiment.step_limit
 
 
 def refuse(part: Part, failed: str, experiment: Experiment) -> None:
