@@ -86,6 +86,13 @@ def number_of(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def between(low: float | None, high: float | None, form: str = "g") -> str:
+    """Limits in words, each with a format; nothing without any."""
+    if low is None:
+        return "" if high is None else f"at most {high:{form}}"
+    return f"at least {low:{form}}" if high is None else f"{low:{form}} to {high:{form}}"
+
+
 def suggest(name: str, known: Iterable[str]) -> str:
     """Sentence that offers the nearest known name, or lists what there is."""
     from difflib import get_close_matches  # here, so that programs start fast

@@ -30,7 +30,7 @@ from gapsense.fmi.values import ValuesError, fields, wrong_value
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.parameters import core_problem, read_parameters
-from gapsense.problems import ScenarioError, suggest
+from gapsense.problems import ScenarioError, between, suggest
 
 Floats = npt.NDArray[np.float64]
 SAMPLE_TIME = "sample_time"
@@ -411,8 +411,7 @@ def typed(port: Port) -> str:
     """Type, unit and range of a port in a docstring."""
     kind = TYPES[port.kind]
     unit = f" [{port.unit}]" if port.kind == "Real" and port.unit != "1" else ""
-    low, high = (None if limit is None else f"{limit:g}" for limit in (port.min, port.max))
-    span = f", {low} to {high}" if low and high else f", at least {low}" if low else f", at most {high}" if high else ""
+    span = f", {limits}" if (limits := between(port.min, port.max)) else ""
     choices = f", one of {', '.join(port.choices)}" if port.choices else ""
     optional = ", optional" if port.is_optional else ""
     return f"{kind}{unit}{span}{choices}{optional}"

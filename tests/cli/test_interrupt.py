@@ -55,7 +55,9 @@ def interrupted(process, number=signal.SIGINT):
 
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_interrupted_run_leaves_a_partial_result_and_says_so(process, long, fmus, tmp_path, number):
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # `nohup make test` ignores it, and so would the run
     started = process(LOUD, "run", long, "--fmus", fmus, "--out", tmp_path / "out")
+    signal.signal(signal.SIGHUP, before)
     code, out, err = interrupted(started, getattr(signal, number))
     assert code == 130, err
     assert "Traceback" not in err and err.startswith("interrupted at t = ") and "long.csv" in err

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ from gapsense.cli.components import Root
 from gapsense.cli.console import show, written
 from gapsense.fmi.values import ValuesError, fields, unknown
 from gapsense.problems import InputError
-from gapsense.tables import Value, parsed_value
+from gapsense.tables import Value
 
 Real = Enum("Real", {"float": "float", "double": "double"}, type=str)
 FLOAT = Real("float")
@@ -71,13 +71,15 @@ def given(
     folders: Sequence[Path], known: Sequence[Path], files: Sequence[Path], settings: Sequence[str]
 ) -> dict[Path, dict[str, Value]]:
     """Start values of the parameters that each component has: from the files, and over them the settings."""
+    from gapsense.cosim.scenario.read import read_settings
     from gapsense.fmi.components import load_component
     from gapsense.identification.parameter_set import take_values
 
     values = take_values(folders, files, known) if files else {folder: {} for folder in folders}
     names = {folder: {port.name for port in load_component(folder).of("parameter")} for folder in folders}
     problems: list[str] = []
-    changes = _changes(settings, set().union(*names.values()), problems)
+    changes, every = read_settings(settings, "parameter", problems), set().union(*names.values())
+    problems += [f"--set: {unknown(name, every)}" for name in changes if name not in every]
     for folder in folders:
         values[folder] = {**values[folder], **{name: v for name, v in changes.items() if name in names[folder]}}
         try:
@@ -87,19 +89,3 @@ def given(
     if problems:
         raise InputError(problems)
     return values
-
-
-def _changes(settings: Sequence[str], known: Collection[str], problems: list[str]) -> dict[str, Value]:
-    """Values by name; notes what cannot be read, comes twice or is in no component."""
-    changes: dict[str, Value] = {}
-    for setting in settings:
-        name, equals, text = (part.strip() for part in setting.partition("="))
-        if not (name and equals):
-            problems.append(f"--set, {setting}: `parameter=value` expected. Correct it.")
-        elif name in changes:
-            problems.append(f"--set, {name}: given twice. Keep one.")
-        elif name not in known:
-            problems.append(f"--set: {unknown(name, known)}")
-        else:
-            changes[name] = parsed_value(text)
-    return changes

@@ -55,14 +55,8 @@ def run(
     from gapsense.report import runs  # here: the progress bar loads it while the run goes on
 
     try:
-        show(
-            *runs.metrics(result),
-            *runs.events(result),
-            *runs.loops(result),
-            *runs.steps(result),
-            *runs.boards(result),
-            runs.timing(result),
-        )
+        makers = (runs.metrics, runs.events, runs.loops, runs.steps, runs.boards)
+        show(*(table for made in makers for table in made(result)), runs.timing(result))
     finally:  # saved afterwards: on a full disk the numbers are at least shown; and also if nobody reads them
         is_stopped = save(result, file)
     for remark in result.run.remarks:

@@ -57,7 +57,7 @@ from gapsense.cosim.scenario.records import (
     signals,
 )
 from gapsense.parameters import core_problem, is_file
-from gapsense.problems import ScenarioError, listing, suggest
+from gapsense.problems import ScenarioError, between, listing, suggest
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
 from gapsense.tables import Value, found, is_integer, is_number
 
@@ -314,16 +314,14 @@ class Checker:
 
     def events(self) -> Iterator[str]:
         """Events: targets, values, conditions and times, also for the combinations of a sweep."""
-        yield from self.of_events(self.scenario.events, SECTION)
+        knows_times = "experiment" not in self.broken
+        yield from check_events(self.scenario, self.descriptions, self.scenario.events, SECTION, knows_times)
         for swept in own_points(self.scenario, SECTION):
             if swept:
                 problems: list[str] = []
                 events = varied(self.scenario.events, {Port(SECTION, n): v for n, v in swept.items()}, problems)
-                yield from problems or self.of_events(events, f"sweep, {SECTION}")
-
-    def of_events(self, events: Mapping[str, Event], place: str) -> Iterator[str]:
-        """Problems of events."""
-        return check_events(self.scenario, self.descriptions, events, place, "experiment" not in self.broken)
+                place = f"sweep, {SECTION}"
+                yield from problems or check_events(self.scenario, self.descriptions, events, place, knows_times)
 
     def resolve(self, port: Port, causality: str, place: str) -> Iterator[str]:
         """Problems of a port that must be an input or output of a component."""
@@ -697,11 +695,7 @@ def ends(variable: Variable) -> tuple[float | None, float | None]:
 
 def limits(variable: Variable) -> str:
     """Limits of a variable as messages name them."""
-    low, high = ends(variable)
-    unit = f" {variable.unit}" if variable.unit else ""
-    if low is None or high is None:
-        return f"at most {high:.10g}{unit}" if low is None else f"at least {low:.10g}{unit}"
-    return f"{low:.10g} to {high:.10g}{unit}"
+    return between(*ends(variable), ".10g") + (f" {variable.unit}" if variable.unit else "")
 
 
 @remembered

@@ -399,11 +399,14 @@ class Judge:
         if name in self.noisy:
             why = f"{NOISE}: {listing(self.random)} would draw other random numbers with another step"
         elif switches and not is_same:
-            why = f"{DISCRETE}: {differing(values)}"
+            coarsest, finer = (int((v != last).sum()) for v in (values[0], values[-2]))
+            found = f"{coarsest} of {last.size} rows differ at the step of the scenario, {finer} at the finest but one"
+            why = f"{DISCRETE}: {found}"
         elif order is None and not self.has_stopped(changes, scale):
             unit = quantum(last)
             why = f"{QUANTISED}: its values are {unit:.4g} apart, and some come one earlier or later" if unit else ""
-            why = why or f"{RESTLESS}: {listed(changes)} {about.unit}".rstrip()
+            numbers = ", ".join(f"{change:.3g}" for change in changes[-RATIOS - 2 :])
+            why = why or f"{RESTLESS}: {numbers} {about.unit}".rstrip()
         steps = [first.base_step / 2**k for k in range(len(values))]
         step, is_least = (None, False) if why else longest(steps, errors, order, allowed, self.limit(len(values)))
         return Tendency(
@@ -557,12 +560,6 @@ def longest(
     return min(step, limit), step > limit
 
 
-def differing(values: Sequence[Vector]) -> str:
-    """How many rows of a discrete signal differ from those of the finest run."""
-    first, last = (int((v != values[-1]).sum()) for v in (values[0], values[-2]))
-    return f"{first} of {values[0].size} rows differ at the step of the scenario, {last} at the finest but one"
-
-
 def quantum(values: Vector) -> float:
     """By how much neighbouring values of a signal differ if all are whole multiples of it apart; else 0."""
     gaps = np.diff(np.unique(values))
@@ -573,8 +570,3 @@ def quantum(values: Vector) -> float:
         return 0.0
     ratios = gaps / least
     return least if bool((np.abs(ratios - np.round(ratios)) < 1e-3).all()) else 0.0
-
-
-def listed(numbers: Iterable[float]) -> str:
-    """The last numbers, in short."""
-    return ", ".join(f"{number:.3g}" for number in [*numbers][-RATIOS - 2 :])

@@ -15,7 +15,8 @@ from gapsense.embedded.board import loop_files, template
 from gapsense.embedded.code import Function, constant_table
 from gapsense.embedded.design import Design, sizing
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
-from gapsense.kernels.emit import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, Graph, number, same
+from gapsense.kernels.emit import Graph
+from gapsense.kernels.emit.c import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, number, same
 from gapsense.kernels.layout import fields
 from gapsense.problems import InputError
 from gapsense.version import __version__
@@ -169,10 +170,9 @@ def example(design: Design) -> str:
     times, rows = record(design)
     period = sample_time(design) or times[1]
     steps = max(1, round(times[1] / period))
+    title = f"{design.component.name} at work: it gets a short record and prints its outputs. {origin(design)}"
     return template("main.c").format(
-        head=comment(
-            f"{design.component.name} at work: it gets a short record and prints its outputs. {origin(design)}"
-        ),
+        head=comment(title),
         name=name,
         rows=len(rows),
         steps=steps,
@@ -292,7 +292,8 @@ def struct(design: Design, name: str, record: list[Member]) -> str:
 
 
 def _declared(member: Member) -> list[str]:
-    text = f"    {member.declaration}"
+    size = f"[{member.size}]" if member.size else ""
+    text = f"    {member.type}{' ' * (not member.type.endswith('*'))}{member.name}{size};"
     note = f" /* {member.comment.replace('*/', '* /')} */" if member.comment else ""
     return [text + note] if len(text + note) <= WIDTH else [comment(member.comment, "    "), text]
 
@@ -377,9 +378,6 @@ def _body(design: Design, graph: Graph) -> list[str]:
 
 def _function(design: Design, graph: Graph) -> str:
     body = _body(design, graph)
-    unused = [n for n in _given(design, graph) if not any(f"{n}->" in line for line in body)]
+    given = (n for n in FUNCTIONS[_name(graph)][0] if n in members(design))
+    unused = [n for n in given if not any(f"{n}->" in line for line in body)]
     return "\n".join([_head(design, _name(graph)), "{", *(f"    (void){n};" for n in unused), *body, "}"])
-
-
-def _given(design: Design, graph: Graph) -> list[str]:
-    return [name for name in FUNCTIONS[_name(graph)][0] if name in members(design)]

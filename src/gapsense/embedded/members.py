@@ -15,6 +15,7 @@ from gapsense.fmi.tables import column_name
 from gapsense.kernels.emit import Graph
 from gapsense.kernels.emit.c import WHOLE
 from gapsense.kernels.layout import fields, names
+from gapsense.problems import between
 
 FIELD = re.compile(r"\s+(\w+): .*?(?:#\s*(.*))?$")
 ENTRY = re.compile(r"_\d+$")
@@ -36,11 +37,6 @@ class Member(NamedTuple):
     name: str
     comment: str
     size: int = 0  # of an array
-
-    @property
-    def declaration(self) -> str:
-        """As it stands in the struct."""
-        return f"{self.type}{'' if self.type.endswith('*') else ' '}{self.name}{f'[{self.size}]' if self.size else ''};"
 
 
 def members(design: Design) -> dict[str, list[Member]]:
@@ -83,11 +79,7 @@ def _range(port: Port) -> str:
         return f" ({', '.join(f'{k}: {choice}' for k, choice in enumerate(port.choices))})"
     if port.kind == "Boolean":
         return " (0: no, 1: yes)"
-    if port.min is None and port.max is None:
-        return ""
-    if port.max is None:
-        return f"; at least {port.min:g}"
-    return f"; at most {port.max:g}" if port.min is None else f"; {port.min:g} to {port.max:g}"
+    return f"; {limits}" if (limits := between(port.min, port.max)) else ""
 
 
 def table_sizes(design: Design) -> dict[str, str]:

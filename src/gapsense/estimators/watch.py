@@ -25,6 +25,7 @@ PARTS, PER_MEAN = 12, 4.0  # of half an operation, and how many of them are as l
 HALF = PARTS + 1  # entries of half an operation: the last part has its largest and its smallest mean
 ENTRIES = 2 * HALF
 FEW, MANY = 5.0, 100.0  # operations from which a curve is used, and over which it is learnt
+LATELY = 12.0  # operations over which is learnt what drifts: it would add up to evidence
 RARE = 4.5  # -log of about the probability of a mean that is far from its curve: twice this in two parts, thrice in one
 SLACK = 0.1  # how far it may be beyond that [deviations]
 KNOWN, SURE = 10.0, 100.0  # operations from which on noise may be all that they differ by; as how many that counts
@@ -96,6 +97,7 @@ class Curve(NamedTuple):
     supply_error: Any
     square_error: Any
     error_var: Any
+    lately: Any  # mean error beside the parabola in the last operations: what drifts, as a coil that warms
 
 
 class Usual(NamedTuple):
@@ -327,7 +329,7 @@ def _far(curves: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading)
     is_noise = at.is_alike & (own.n >= KNOWN) & (variance > ALONE[0] * at.noise) & (variance < ALONE[1] * at.noise)
     m, each = where(is_noise, SURE, n - 3.0), where(is_noise, at.noise / n, variance / (n - 3.0))
     bow = square(at.supply) - own.square - bent.tilt * away
-    off = at.error - own.error - bent.slope * away - bent.bend * bow
+    off = at.error - own.error - bent.slope * away - bent.bend * bow - own.lately
     beyond = larger(fabs(off) - SLACK, 0.0)
     apart = square(away) / bent.spread + square(bow) / bent.rest
     unit = m * each * (n + 1.0 + apart * where(fabs(away) > EDGE, 1.0 + apart / WITHIN, 1.0))
@@ -350,12 +352,14 @@ def _learnt(before: Usual, side: Scalar) -> tuple[Array, Array, Scalar]:
         means = (old.supply, old.square, old.error)
         du, dq, de = (now - mean for now, mean in zip((supply, square(supply), value - MOST), means))
         products = (du * du, du * dq, dq * dq, du * de, dq * de, de * de)
-        taught = Curve(
-            n,
-            *(mean + d / n for mean, d in zip(means, (du, dq, de))),
-            *((1.0 - 1.0 / n) * (entry + product / n) for entry, product in zip(old[4:], products)),
-        )
-        seen, spread = store(seen, k, 0.0), larger(spread, _bent(taught).variance)
+        moved = (mean + d / n for mean, d in zip(means, (du, dq, de)))
+        spreads = ((1.0 - 1.0 / n) * (entry + product / n) for entry, product in zip(old[4:-1], products))
+        taught = Curve(*(n, *moved, *spreads, old.lately))
+        bent = _bent(taught)
+        du, dq, de = (now - mean for now, mean in zip((supply, square(supply), value - MOST), taught[1:4]))
+        beside = de - bent.slope * du - bent.bend * (dq - bent.tilt * du)
+        taught = taught._replace(lately=old.lately + (beside - old.lately) / LATELY)
+        seen, spread = store(seen, k, 0.0), larger(spread, bent.variance)
         for j, (new, was) in enumerate(zip(taught, old)):
             curves = store(curves, side + k, where(is_new, new, was), j * 2 * ENTRIES)
     return seen, curves, spread

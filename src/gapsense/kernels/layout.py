@@ -153,21 +153,16 @@ def flat(value: Any) -> list[Any]:
 @cache
 def _flatteners(cls: Any) -> list[Callable[[Any], Sequence[Any]]]:
     """Of every field what makes entries of it."""
-    return [flat if _is_record(at) else _flattener(at) for at in _layout(cls).values()]
+    return [*map(_flattener, _layout(cls).values())]
 
 
-def _flattener(at: Field) -> Callable[[Any], Sequence[Any]]:
+def _flattener(at: Any) -> Callable[[Any], Sequence[Any]]:
+    if _is_record(at):
+        return flat
     if at.kind == "covariance":
-        return partial(_upper, np.triu_indices(at.size))
-    return list if at.kind == "vector" else _alone
-
-
-def _upper(places: Any, P: Any) -> Sequence[Any]:
-    return P[places].tolist()  # type: ignore[no-any-return]
-
-
-def _alone(item: Any) -> Sequence[Any]:
-    return (item,)
+        upper = np.triu_indices(at.size)
+        return lambda P: P[upper].tolist()
+    return list if at.kind == "vector" else lambda item: (item,)
 
 
 def record(cls: Any, entries: Iterable[Any]) -> Any:
@@ -181,12 +176,15 @@ def record(cls: Any, entries: Iterable[Any]) -> Any:
 @cache
 def _takers(cls: Any) -> list[Callable[[Iterator[Any]], Any]]:
     """Of every field what takes its entries from those that are left."""
-    return [partial(record, at) if _is_record(at) else _taker(at) for at in _layout(cls).values()]
+    return [*map(_taker, _layout(cls).values())]
 
 
-def _taker(at: Field) -> Callable[[Iterator[Any]], Any]:
+def _taker(at: Any) -> Callable[[Iterator[Any]], Any]:
+    if _is_record(at):
+        return partial(record, at)
     if at.kind == "covariance":
-        return partial(_symmetric, _square(at.size))
+        places, count = _square(at.size), len(triangle(at.size))
+        return lambda rest: _vector(count, rest)[places]
     return partial(_vector, at.size) if at.kind == "vector" else next
 
 
@@ -199,10 +197,6 @@ def _square(size: int) -> Any:
     places = np.zeros((size, size), int)
     places[np.triu_indices(size)] = range(len(triangle(size)))
     return np.triu(places) + np.triu(places, 1).T
-
-
-def _symmetric(places: Any, rest: Iterator[Any]) -> Any:
-    return _vector(int(places.max()) + 1, rest)[places]
 
 
 def zeros(size: int) -> list[float]:

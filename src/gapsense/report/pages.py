@@ -24,13 +24,8 @@ def of_scenario(tables: Mapping[str, Any], line: str) -> str:
     ]
     wires = [*tables.get("connect", {}).items(), *((c["to"], c["from"]) for c in tables.get("connections", ()))]
     inputs = [*wires, *((name, str(value)) for name, value in tables.get("inputs", {}).items())]
-    return "".join(
-        (
-            heading(tables["title"], line),
-            table(("component", "FMU", "parameters"), components, texts=3),
-            table(("input", "comes from"), inputs, texts=2),
-        )
-    )
+    made = table(("component", "FMU", "parameters"), components, texts=3)
+    return heading(tables["title"], line) + made + table(("input", "comes from"), inputs, texts=2)
 
 
 def of_result(
@@ -46,13 +41,8 @@ def of_result(
         for name, y in signals.items()
         if y.size
     ]
-    return "".join(
-        (
-            heading(title, line),
-            table(("metric", "value", ""), measured),
-            table(("signal", "least", "greatest", "last"), ranges),
-        )
-    )
+    made = table(("metric", "value", ""), measured)
+    return heading(title, line) + made + table(("signal", "least", "greatest", "last"), ranges)
 
 
 def of_sweep(line: str, quantiles: Mapping[str, Sequence[float]], units: Mapping[str, str]) -> str:

@@ -223,10 +223,5 @@ def outcome(tested: Outcome) -> str:
     checks = number_of(len(tested.checks), "check")
     head = f"{word}  {tested.scenario}  {checks}, {tested.seconds:.1f} s{remark}"
     coarse = tested.result.run.remarks if tested.result else ()
-    return "\n".join(
-        [
-            head,
-            *(f"  {c.name}: {c.failure}".replace("\n", "\n    ") for c in tested.failures),
-            *(f"  note: {r}" for r in coarse),
-        ]
-    )
+    failures = (f"  {c.name}: {c.failure}".replace("\n", "\n    ") for c in tested.failures)
+    return "\n".join([head, *failures, *(f"  note: {r}" for r in coarse)])

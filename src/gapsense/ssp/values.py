@@ -24,9 +24,9 @@ class Given(NamedTuple):
     value: Value
     unit: str
     units: Units
-    line: Line  # after the conversion of the unit
-    suppress: bool  # no conversion of units
     place: str
+    line: Line = Line()  # after the conversion of the unit
+    suppress: bool = False  # no conversion of units
 
 
 class Reader:
@@ -102,12 +102,7 @@ class Reader:
                 kind = "nothing" if typed is None else shown(f"{plain(typed.tag)} `{typed.get('value', '')}`")
                 self.problems.append(f"{where}: {kind} found, a number, a truth value or a text expected. Correct it.")
             else:
-                yield (
-                    name,
-                    Given(
-                        value=value, unit=typed.get("unit", ""), units=units, line=Line(), suppress=False, place=where
-                    ),
-                )
+                yield name, Given(value, typed.get("unit", ""), units, where)
 
     def mapped(self, values: Mapping[str, Given], root: Xml) -> dict[str, Given]:
         """Values by the names that a mapping gives them; what the mapping does not name is left out."""

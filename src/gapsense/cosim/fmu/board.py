@@ -271,10 +271,3 @@ class OnBoard(Instance):
 
 class OnBoard3(OnBoard, Instance3):
     """The same for an FMU of FMI 3.0."""
-
-
-def on_board(
-    name: str, description: Description, folder: Path, link: Link, wanted: Collection[str], clock: float | None
-) -> OnBoard:
-    """A component of either version of FMI on a board."""
-    return (OnBoard3 if description.fmi == 3 else OnBoard)(name, description, folder, link, wanted, clock)

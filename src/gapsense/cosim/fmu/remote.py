@@ -186,11 +186,6 @@ class RemoteInstance3(RemoteInstance, Instance3):
     """The same for an FMU of FMI 3.0."""
 
 
-def remote_instance(name: str, description: Description, folder: Path, limit: float) -> RemoteInstance:
-    """An FMU of either version of FMI in a process of its own."""
-    return (RemoteInstance3 if description.fmi == 3 else RemoteInstance)(name, description, folder, limit)
-
-
 # The process of one FMU instance, seen from inside.
 
 

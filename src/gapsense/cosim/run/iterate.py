@@ -44,10 +44,6 @@ class Secants:
         self.inverse = inverse
         self.known: list[Vector] = []  # directions of dr in this step, at right angles
 
-    def towards(self, r: Vector) -> Vector:
-        """Change of x that should make r zero."""
-        return [-dot(row, r) for row in self.inverse]
-
     def learn(self, dx: Vector, dr: Vector) -> None:
         """Know from now on that r changes by dr where x changes by dx."""
         self.known = self.known if len(self.known) < len(dr) else []
@@ -184,7 +180,8 @@ class Sweep:
                     _, x, r = self.best
                 self.differ(x, r, act)
                 secants, since = Secants(self.inverse), 0
-            dx, ends = secants.towards(r), enclosed(points) if tries and n == 1 else []
+            dx = [-dot(row, r) for row in secants.inverse]  # that should make r zero
+            ends = enclosed(points) if tries and n == 1 else []
             if ends and (since % THIRD == THIRD - 1 or not ends[0] < x[0] + dx[0] * self.nominals[0] < ends[1]):
                 dx = [(0.5 * sum(ends) - x[0]) / self.nominals[0]]
             new, found = self.step(x, r, dx, tries % 2 > 0 and not ends, act)

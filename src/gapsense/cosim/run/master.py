@@ -16,7 +16,7 @@ from gapsense._os.files import sha256
 from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
-from gapsense.cosim.fmu.remote import remote_instance
+from gapsense.cosim.fmu.remote import RemoteInstance, RemoteInstance3
 from gapsense.cosim.run.events import Director, explained
 from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer
@@ -115,12 +115,13 @@ class Master:
         if component.board:
             return self.on_board(name, component, description)
         if component.isolation == "process":
-            return remote_instance(name, description, unpacked(description), self.scenario.experiment.step_limit)
+            kind = RemoteInstance3 if description.fmi == 3 else RemoteInstance
+            return kind(name, description, unpacked(description), self.scenario.experiment.step_limit)
         return instance_of(name, description, unpacked(description))
 
     def on_board(self, name: str, component: Component, description: Description) -> Instance:
         """A component on its board, which others may share."""
-        from gapsense.cosim.fmu.board import on_board  # here, so that others start fast
+        from gapsense.cosim.fmu.board import OnBoard, OnBoard3  # here, so that others start fast
         from gapsense.cosim.fmu.line import BoardError, Link
 
         key, limit = (component.board, component.firmware), self.scenario.experiment.step_limit
@@ -130,7 +131,8 @@ class Master:
             raise FmuError(name, f"the board `{component.board}` {error}.") from error
         read = {*self.subject.about, *(str(c.source) for c in self.scenario.connections)}
         wanted = {v.name for v in description.of("output") if f"{name}.{v.name}" in read}
-        return on_board(name, description, unpacked(description), self.links[key], wanted, component.clock)
+        kind = OnBoard3 if description.fmi == 3 else OnBoard
+        return kind(name, description, unpacked(description), self.links[key], wanted, component.clock)
 
     def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
         """What there is of every component in execution order, with marks that say which one is touched, and why."""
@@ -377,16 +379,9 @@ def structure(scenario: Scenario, descriptions: Descriptions) -> object:
     """What cannot change while the FMUs are loaded."""
     bare = {name: replace(c, values={}, origin={}, sets={}) for name, c in scenario.components.items()}
     hashes = {name: (description.path, description.sha256) for name, description in descriptions.items()}
-    targets = {name: event.target for name, event in scenario.events.items()}
+    targets = [(name, event.target) for name, event in scenario.events.items()]
     boards = [c.firmware and sha256(c.firmware) for c in bare.values()]
-    return (
-        list(bare.items()),
-        hashes,
-        boards,
-        scenario.connections,
-        list(targets.items()),
-        scenario.experiment.step_limit,
-    )
+    return [*bare.items()], hashes, boards, scenario.connections, targets, scenario.experiment.step_limit
 
 
 def refuse(part: Part, failed: str, experiment: Experiment) -> None:

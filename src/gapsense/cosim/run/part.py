@@ -197,7 +197,7 @@ class Channel:
         if kind == "String":
             values[:] = [texts[port].encode("utf-8") for port in self.ports]
         elif self.range is None:
-            values[:] = [buffer[place] for place in self.places] if kind == "Real" else self.truths(buffer)
+            values[:] = [buffer[place] if kind == "Real" else buffer[place] != 0.0 for place in self.places]
         else:
             low, high = self.range
             for j, place in enumerate(self.places):
@@ -205,10 +205,6 @@ class Channel:
                     return f"input `{self.ports[j].variable}` gets {buffer[place]:.17g}, {low} to {high} expected"
                 values[j] = int(buffer[place])
         return ""
-
-    def truths(self, buffer: array[float]) -> list[bool]:
-        """Values of Boolean variables."""
-        return [buffer[place] != 0.0 for place in self.places]
 
     def empty(self, buffer: array[float], texts: Texts) -> str:
         """Keep the values that the FMU gave; what is wrong with one, or nothing."""

@@ -254,16 +254,22 @@ def changed(source: Source, settings: Sequence[str]) -> Source:
     if document is None:
         raise ScenarioError(unread)
     problems: list[str] = []
-    changes: dict[str, Any] = {}
+    changes = read_settings(settings, "component.parameter", problems)
+    return replace(document, changes={**document.changes, **changes}, problems=(*document.problems, *problems))
+
+
+def read_settings(settings: Sequence[str], form: str, problems: list[str]) -> dict[str, Value]:
+    """Values of `name=value` texts by their names, which have a dot where the `form` of a name has one."""
+    values: dict[str, Value] = {}
     for setting in settings:
         name, equals, text = (part.strip() for part in setting.partition("="))
-        if not all((equals, *name.partition("."))):
-            problems.append(f"{OVER}, {setting}: `component.parameter=value` expected. Correct it.")
-        elif name in changes:
+        if not (equals and all(name.partition(".") if "." in form else [name])):
+            problems.append(f"{OVER}, {setting}: `{form}=value` expected. Correct it.")
+        elif name in values:
             problems.append(f"{OVER}, {name}: given twice. Keep one.")
         else:
-            changes[name] = parsed_value(text)
-    return replace(document, changes={**document.changes, **changes}, problems=(*document.problems, *problems))
+            values[name] = parsed_value(text)
+    return values
 
 
 class Changes:

@@ -31,7 +31,7 @@ def model_description(component: Component, variables: Sequence[Variable], token
     types = [variable for variable in variables if variable.choices]
     definitions = SubElement(root, "TypeDefinitions") if types else root
     for variable in types:
-        node = SubElement(definitions, "EnumerationType", name=_type_name(variable))
+        node = SubElement(definitions, "EnumerationType", name=f"Choices of {variable.name}")
         for number, choice in enumerate(variable.choices, 1):
             SubElement(node, "Item", name=choice, value=str(number))
     categories = SubElement(root, "LogCategories")
@@ -57,16 +57,12 @@ def build_description(name: str, sources: Sequence[str]) -> bytes:
     return describe.text(root)
 
 
-def _type_name(variable: Variable) -> str:
-    return f"Choices of {variable.name}"
-
-
 def _add_variable(parent: Element, variable: Variable) -> None:
     node = SubElement(parent, variable.type, name=variable.name, valueReference=str(variable.reference))
     node.attrib.update(causality=variable.causality, variability=variable.variability)
     node.set("description", variable.description)
     if variable.choices:
-        node.set("declaredType", _type_name(variable))
+        node.set("declaredType", f"Choices of {variable.name}")
     if variable.unit:
         node.set("unit", variable.unit)
         if display := UNITS[variable.unit].display:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import count
 from typing import Any
 
@@ -109,17 +109,9 @@ typedef double real;
         self.whole: set[int] = set()  # variables of loops that are whole numbers
         self.cells: dict[tuple[int, int], Expr] = {}  # of what an `if` node gives, where in the state it stands
         self.cell_texts: set[str] = set()
-        self.tables = tables or [entry for entry, symbol in self._entries() if symbol.extra == "table"]  # by place
-        self.memory_sizes = {
-            symbol.id: self.memory_size(cls, entry)
-            for _, cls, symbols in graph.arguments
-            for entry, symbol in zip(names(cls), symbols)
-            if symbol.extra == "memory"
-        }
-
-    def _entries(self) -> Iterator[tuple[str, Expr]]:
-        for _, cls, symbols in self.graph.arguments:
-            yield from zip(names(cls), symbols)
+        entries = [(cls, entry, s) for _, cls, symbols in graph.arguments for entry, s in zip(names(cls), symbols)]
+        self.tables = tables or [entry for _, entry, s in entries if s.extra == "table"]  # by place
+        self.memory_sizes = {s.id: self.memory_size(cls, entry) for cls, entry, s in entries if s.extra == "memory"}
 
     def memory_size(self, cls: type, entry: str) -> int:
         """Numbers of an array memory."""

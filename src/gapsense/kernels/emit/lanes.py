@@ -71,7 +71,7 @@ class Lanes(C):
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
         """Each branch knows the runs that take it by the name `taken`, as the function and loops know theirs."""
-        types = [self._type_of_both(x, y) for x, y in zip(a, b)]
+        types = [self.truth if self.is_whole(x) and self.is_whole(y) else self.real for x, y in zip(a, b)]
         for target, kind in zip(targets, types):
             self.write(f"{kind} {target} = {{0}};")
         condition, yes, no = self.ref(c), self.fresh("m"), self.fresh("m")
@@ -94,9 +94,6 @@ class Lanes(C):
     def _close(self) -> None:
         self.depth -= 1
         self.write("}")
-
-    def _type_of_both(self, a: Any, b: Any) -> str:
-        return self.truth if self.is_whole(a) and self.is_whole(b) else self.real
 
     def _chosen(self, kind: str, condition: str, a: str, b: str) -> str:
         return f"choose{'_truth' * (kind == self.truth)}({condition}, {a}, {b})"

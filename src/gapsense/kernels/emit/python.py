@@ -143,13 +143,11 @@ class Choosing(Printer):
         pending = [*values]
         while pending:
             value = pending.pop()
-            if self._is_kept(value) and value.id not in found:
+            is_kept = isinstance(value, Expr) and value.id in self.choices.sides and value.id not in self.text
+            if is_kept and value.id not in found:
                 found[value.id] = value
                 pending += value.args
         return [found[k] for k in sorted(found)]
-
-    def _is_kept(self, value: Any) -> bool:
-        return isinstance(value, Expr) and value.id in self.choices.sides and value.id not in self.text
 
     def _print(self, node: Expr) -> None:
         if node.id not in self.text:

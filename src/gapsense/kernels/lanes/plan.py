@@ -94,7 +94,8 @@ class Plan:
         if self.library:
             self._in_c(self.library, runs, arrays)
         else:
-            every = [_of_all_runs(array, runs) for array in arrays[:-1]]
+            whole = (array[:, None] if array.ndim == 1 else array for array in arrays[:-1])
+            every = [np.broadcast_to(array, (len(array), runs)) for array in whole]
             for run in range(runs):
                 self._in_python([array[:, run].tolist() for array in every], arrays[-1][:, run])
         return arrays[-1]
@@ -161,12 +162,6 @@ def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
         expected = " or ".join(map(str, shapes))
         raise ValueError(f"column `{name}` has the shape {array.shape}, {expected} expected. Correct it.")
     return array
-
-
-def _of_all_runs(array: Floats, runs: int) -> Floats:
-    if array.shape == (len(array), runs):
-        return array
-    return np.broadcast_to(array[:, None] if array.ndim == 1 else array, (len(array), runs))
 
 
 def _call(code: Code, at: Sequence[int], values: list[Any], columns: list[list[float]]) -> None:
