@@ -34,10 +34,12 @@ STARTED = {  # files whose tests are about processes themselves, and how they st
     *("test_workers", "test_processes", "test_cluster", "test_run", "test_engine"),
 }
 LONG = (  # files that take minutes in the long tests, the longest first, and those of the quick ones after them
-    *("test_site", "test_platforms", "test_export", "test_everywhere", "test_benchmarks", "test_run_to_run_demands"),
-    *("test_profiles", "test_estimators", "test_forged_states", "test_identification_losses", "test_parity"),
-    *("test_identification", "test_run_to_run", "test_contract", "test_sweep", "test_runnable", "test_hosts"),
-    *("test_identification_drive", "test_coil", "test_low_pass", "test_fem"),
+    *("test_identification_losses", "test_identification_conditions", "test_everywhere", "test_run_to_run_demands"),
+    *("test_blocks", "test_forged_states", "test_site", "test_drawn_records", "test_parity", "test_platforms"),
+    *("test_benchmarks", "test_in_browser", "test_export", "test_shipped", "test_boards", "test_installed"),
+    *("test_loop_emulated", "test_commissioning_records", "test_cluster", "test_natives", "test_robust"),
+    *("test_identification_drive", "test_needed", "test_coil", "test_html_many", "test_low_pass", "test_interrupt"),
+    *("test_workers", "test_library", "test_soft_landing", "test_other_valves", "test_monte_carlo", "test_gap_law"),
 )
 store.SYNCHRONOUS = "OFF"  # no test cuts the power, and six thousand waits for the disk take 20 s
 gc.disable()  # until all tests have been found, which takes three times as long with it

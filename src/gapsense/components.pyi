@@ -1313,6 +1313,8 @@ class Mhe(Runnable):
         The voltage is the mean since the last sample: that of a held or switched one.
     option_zero : bool, by default False
         The current that is left after `window.tail` without voltage is an offset.
+    option_ahead : bool, by default False
+        Rest and damping that change steadily are expected to go on doing so.
     noise_voltage : float [V], at least 0, by default 0.03
         Standard deviation of the voltage noise.
     model_error : float [A], at least 0, by default 0.001
@@ -1487,6 +1489,7 @@ class Mhe(Runnable):
         option_command: bool = ...,
         option_mean: bool = ...,
         option_zero: bool = ...,
+        option_ahead: bool = ...,
         noise_voltage: float = ...,
         model_error: float = ...,
         edge: float = ...,

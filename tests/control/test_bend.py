@@ -13,6 +13,7 @@ from gapsense.estimators.mhe.model import gap, make_gap
 
 PAR = parameters()
 FLUX, LANDING, AGE = 0.011, 240.0, 400.0
+GROWTH = 4e3  # of the reluctance by the flux linkage in a core that saturates [1/(H Wb)]
 
 
 def hit(half, speed, landing=LANDING, fluxes=FLUX, growth=0.0):
@@ -274,3 +275,17 @@ def test_second_closing_in_a_row_that_no_estimator_explains_is_followed_by_an_or
 def test_opening_counts_as_arrived_only_if_an_estimator_says_so():
     """An offset of the current looks like a gap that is open."""
     assert missed(felt(OPENING, 200.0, laws.UNJUDGED), OPENING) == laws.UNJUDGED
+
+
+def test_a_first_approach_that_lands_in_a_saturated_core_is_not_hard():
+    """Its flux linkage bends where it lands, as the profile goes on; the reluctance grows with it from then on."""
+    samples = np.arange(LONGEST) - LANDING
+    fluxes = FLUX + np.where(samples > 0.0, 5e-5, 2e-5) * samples
+    state = hit(CLOSING, 0.4, fluxes=fluxes, growth=GROWTH)
+    running = state.running._replace(due=LANDING + 30.0, speed=PAR.approach_first)
+    state = state._replace(running=running, heard=Heard(1.0, 1.0, 80.0, LANDING, 0.0, 0.0))
+    first, slower = (
+        bend.landed(state._replace(running=running._replace(speed=speed)), PAR)
+        for speed in (PAR.approach_first, 0.9 * PAR.approach_first)
+    )
+    assert first == pytest.approx(0.4, abs=0.15) and slower > first + bend.SATURATED

@@ -184,3 +184,12 @@ def test_a_current_that_noise_leaves_is_no_zero_at_once(left, share):
     coil = first_coil(inputs(), PAR)._replace(late_current=left, held_current=left, last_current=left, noise=20e-3)
     assert zeroed(coil, PAR).zero == pytest.approx(share * left)
     assert zeroed(coil._replace(noise=0.1e-3), PAR).zero == left
+
+
+def test_answer_of_the_current_to_a_step_of_the_voltage_is_no_noise():
+    """Eddy currents: it falls at once by 0.2 A with 16 V, before the means of late have changed."""
+    coil = first_coil(inputs(voltage=40.0, current=0.7), PAR)._replace(held_voltage=40.0)
+    for k in range(40):
+        u, current = (40.0, 0.7) if k < 20 else (24.0, 0.5)
+        coil = integrated(coil, inputs(voltage=u, current=current), True, 0.0, 1.0, PAR)[0]
+    assert coil.noise < first_coil(inputs(), PAR).noise

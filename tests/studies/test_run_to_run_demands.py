@@ -67,7 +67,7 @@ def test_what_must_hold(condition, law):
     ("condition", "law"),
     [
         *((name, law) for name in ("rest-step", "damping-step", "offset-step") for law in LEARNING),
-        ("softer", "contact"),
+        *(("softer", law) for law in LEARNING),
     ],
 )
 def test_hard_operations_are_told_in_the_next_one_and_soft_ones_are_not(condition, law):

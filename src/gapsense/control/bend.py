@@ -34,6 +34,7 @@ CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is n
 APART, DOUBTFUL = 0.12, 6.0
 AFLOAT, LEAVING = 0.79, 0.75  # of the reluctance at this share of a closing's lead: with less an opening floats
 BESIDE = 1.08  # of that of a seated mover: with more a closing is not felt to have arrived
+SATURATED = 0.2  # speed at a landing that its core explains: from then on it is taken away [m/s]
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
@@ -52,7 +53,7 @@ class Bounds(NamedTuple):
     beyond: Scalar  # speed of a bend that is a hit for all that [m/s]
 
 
-WITH_CONTACT = Bounds(hit=0.4, latest=0.0, core=0.4, beyond=0.66)
+WITH_CONTACT = Bounds(hit=0.4, latest=0.0, core=0.4, beyond=0.75)
 ALONE = Bounds(hit=0.55, latest=1e-3, core=0.6, beyond=0.9)
 
 
@@ -98,7 +99,11 @@ def _softest_hit(state: State, noise: Scalar) -> Scalar:
 
 def landed(state: State, par: Parameters) -> Scalar:
     """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
-    speed, noise = _impact(state, state.heard.landing, par)
+    at = state.heard.landing
+    speed, noise = _impact(state, at, par)
+    core, _ = _core_share(state, at, at, par)
+    is_first = state.running.speed >= par.approach_first  # else it would fall back to another first one for ever
+    speed = where(is_first & (core > SATURATED), speed - core, speed)
     usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
     return speed - where(noise > usual, VAGUE * (noise - usual), 0.0)
 
@@ -122,33 +127,36 @@ def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
 
 
 def is_of_core(state: State, par: Parameters) -> Scalar:
-    """Whether the bend before the landing of a closing is that of a core that saturates, and no hit.
+    """Whether the bend before the landing of a closing is that of a core that saturates, and no hit."""
+    heard, running = state.heard, state.running
+    is_alone = state.by_model > 0.0
+    landing = where(is_alone, running.due, heard.landing)
+    is_kept = (heard.hit > 0.0) & (landing > heard.hit + 2.0 * running.piece)
+    is_slow = is_alone | (running.speed < SLOW * par.approach_first)
+    share, is_lighter = _core_share(state, heard.hit, where(is_kept, landing, LONGEST), par)
+    bounds = choose_bounds(state)
+    return is_slow & is_lighter & (heard.hardest < bounds.beyond) & (share > bounds.core * heard.hardest)
+
+
+def _core_share(state: State, at: Scalar, landing: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Speed that the bend of a closing's current at a sample has from its core, and whether it had less reluctance.
 
     How much the reluctance of the core grows with the flux linkage is told with the mover seated: after its landing by
     the contact, or after it is to have arrived.
     """
-    heard, running, m = state.heard, state.running, make_mover(par)
-    n = running.piece
-    late, is_alone = told_at(running, par), state.by_model > 0.0
-    landing = where(is_alone, running.due, heard.landing)
-    is_kept = (running.command > 0.5) & (heard.hit > 0.0) & (landing < late)
-    is_kept = is_kept & (landing > heard.hit + 2.0 * n) & (late + n <= running.age) & (late + n < LONGEST)
-    hit, landing, later = (LONGEST + where(is_kept, at, 2.0 * n + 1.0) for at in (heard.hit, landing, late))
+    running, m = state.running, make_mover(par)
+    n, late = running.piece, told_at(running, par)
+    is_kept = (running.command > 0.5) & (landing < late) & (at > 2.0 * n) & (at + n <= late)
+    is_kept = is_kept & (late + n <= running.age) & (late + n < LONGEST)
+    hit, landing, later = (LONGEST + where(is_kept, k, 2.0 * n + 1.0) for k in (at, landing, late))
     more = load(state.fluxes, later) - load(state.fluxes, landing)
     before, at_hit, after = (load(state.fluxes, hit + k * 2.0 * n) for k in (-1.0, 0.0, 1.0))
     bend = (after - 2.0 * at_hit + before) / (2.0 * n * par.sample_time)
     slope, _ = gap_slopes(m.gap.smallest, m)
     seated = _reluctance(state, landing, n, par)
     growth = (_reluctance(state, later, n, par) - seated) / where(more > RISEN, more, 1.0)
-    bounds = choose_bounds(state)
-    is_kept = (
-        is_kept
-        & (more > RISEN)
-        & (heard.hardest < bounds.beyond)
-        & (is_alone | (running.speed < SLOW * par.approach_first))
-        & (_reluctance(state, hit, n, par) < seated)
-    )
-    return is_kept & (growth * bend > bounds.core * slope * heard.hardest)
+    share = where(is_kept & (more > RISEN), growth * bend / slope, 0.0)
+    return share, _reluctance(state, hit, n, par) < seated
 
 
 def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:

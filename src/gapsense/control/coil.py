@@ -93,7 +93,9 @@ def integrated(
     mean, recent, late = 0.5 * (coil.used + used), T_s / (RECENT + T_s), T_s / (LATE + T_s)
     calm = where(is_late & _is_settled(coil, par), coil.calm + 1.0, 0.0)
     dt = where(calm * T_s > CALM, 0.0, T_s)
-    noise = coil.noise + where(calm > 0.0, late, 0.0) * (PER_CHANGE * fabs(i - coil.last_current) - coil.noise)
+    is_level = fabs(u - coil.held_voltage) < OFFSET * par.voltage_most  # eddy currents answer a step at once
+    told = where((calm > 0.0) & is_level, late, 0.0)
+    noise = coil.noise + told * (PER_CHANGE * fabs(i - coil.last_current) - coil.noise)
     held = coil.held_current + recent * (i - coil.held_current)
     lowest = where((held > coil.highest) | (held < coil.lowest), held, coil.lowest)
     new = coil._replace(

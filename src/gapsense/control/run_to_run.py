@@ -108,11 +108,10 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     )
     state = state._replace(laws=laws.write(known, half, law), noted=noted)
 
-    def by_contact() -> State:
-        judged = judged_by_current(judged_by_contact(state, par), par)
-        return learning.begun(judged, half, correction, inputs.impact_speed, par)
-
-    return cond(state.by_model < 1.0, by_contact, lambda: judged_by_current(without_core(state, par), par))
+    by_contact = state.by_model < 1.0
+    judged = cond(by_contact, lambda: judged_by_contact(state, par), lambda: without_core(state, par))
+    told = judged_by_current(judged, par)
+    return cond(by_contact, lambda: learning.begun(told, half, correction, inputs.impact_speed, par), lambda: told)
 
 
 def _held(state: State, inputs: Inputs, par: Parameters) -> State:

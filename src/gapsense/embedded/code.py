@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from gapsense.kernels.emit import Graph, Typed, number
-from gapsense.kernels.emit.c import FEW
+from gapsense.kernels.emit import Graph
+from gapsense.kernels.emit.c import FEW, Typed, number
 from gapsense.kernels.layout import names
 from gapsense.kernels.trace import Expr, Place, Region, memory_of
 

@@ -15,7 +15,8 @@ from gapsense.embedded.board import loop_files, template
 from gapsense.embedded.code import Function, constant_table
 from gapsense.embedded.design import Design, sizing
 from gapsense.embedded.members import TITLES, Member, arguments, graphs, members, table_sizes, type_name
-from gapsense.kernels.emit import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, Graph, number, same
+from gapsense.kernels.emit import Graph
+from gapsense.kernels.emit.c import AS_WRITTEN, INCLUDES, LOCATE, WHOLE_NUMBER, WITHIN, number, same
 from gapsense.kernels.layout import fields
 from gapsense.problems import InputError
 from gapsense.version import __version__

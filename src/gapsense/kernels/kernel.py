@@ -14,7 +14,8 @@ from functools import cached_property
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from gapsense.kernels.emit import HARMLESS_IN_C, C, Graph, Python, held, indexing, namespace, split
+from gapsense.kernels.emit import HARMLESS_IN_C, C, Graph, Python, indexing, namespace, split
+from gapsense.kernels.emit.c import held
 from gapsense.kernels.layout import Choice, fields, flat, leaves, names, record, zeros
 from gapsense.kernels.trace import Expr, Tape, TraceError, memory_of
 

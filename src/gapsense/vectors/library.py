@@ -19,7 +19,7 @@ import numpy.typing as npt
 from gapsense._os.native import structures
 from gapsense.fmi.components import kernel_of, load_component, own
 from gapsense.fmi.ports import Component
-from gapsense.kernels.emit import held
+from gapsense.kernels.emit.c import held
 from gapsense.kernels.emit.lanes import is_array
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, OverRuns, over_runs

@@ -106,14 +106,8 @@ def of_result(result: Result, name: str) -> Trajectories:
     """Trajectories of a result; one that is not complete is a problem."""
     ended = "was interrupted" if result.interrupted else f"failed: {result.failure}" if result.failure else ""
     problems = (f"{name}: the run {ended}.",) if ended else ()
-    return Trajectories(
-        name=name,
-        times=result.times,
-        signals=dict(result.signals),
-        about=dict(result.about),
-        run=result.run,
-        problems=problems,
-    )
+    signals, about = dict(result.signals), dict(result.about)
+    return Trajectories(name, result.times, signals, about, run=result.run, problems=problems)
 
 
 def compare_results(

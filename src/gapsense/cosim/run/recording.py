@@ -213,14 +213,12 @@ class Subject:
 
     def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
         """Events with one target each, and with values as FMI takes them."""
-        found = resolved(events, self.scenario.connections)
-        variables = {
-            name: self.descriptions[e.target.component].variables[e.target.variable] for name, e in found.items()
-        }
-        return {
-            name: e if e.value is None else replace(e, value=variables[name].number(e.value))
-            for name, e in found.items()
-        }
+
+        def valued(event: Event) -> Event:
+            variable = self.descriptions[event.target.component].variables[event.target.variable]
+            return event if event.value is None else replace(event, value=variable.number(event.value))
+
+        return {name: valued(event) for name, event in resolved(events, self.scenario.connections).items()}
 
     @cached_property
     def run(self) -> Run:
@@ -396,13 +394,7 @@ def spans(scenario: Scenario, happened: Sequence[Sequence[Any]]) -> Iterator[Spa
     time = scenario.experiment.time
     for name, begin, end in happened:
         event = scenario.events[name]
-        yield Span(
-            name=name,
-            target=str(event.target),
-            action=event.action,
-            begin=time(begin),
-            end=None if end is None else time(end),
-        )
+        yield Span(name, str(event.target), event.action, time(begin), end=None if end is None else time(end))
 
 
 def times(scenario: Scenario, rows: int) -> npt.NDArray[np.float64]:

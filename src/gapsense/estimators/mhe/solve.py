@@ -26,7 +26,7 @@ turns out worse.  Work per sample is bounded: `window.pace` pieces of a pass, or
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from gapsense.estimators.mhe.model import Model, Parameters, Point
@@ -81,6 +81,9 @@ RESTLESS = {6: 0.2e-2, 7: 0.3e-2, 8: 0.8e-2}  # the same of mass, rest, damping 
 # arrival cost of a change that is expected, and what comes to it until rest and damping may change as before the first
 # window; core, gap and mass do not change suddenly, and R with time
 EXPECTED, SURPRISING, SUDDEN = 2.0, 10.0, (7, 8)
+# what an operation changes of these two steadily: share of its mean that stays; deviation of what comes next over what
+# is expected; over `RESTLESS`: what may be noise, the largest that counts, and a change that comes at once
+LASTING, ABOUT, UNSTEADY, STEADY, AT_ONCE = 0.9, 6.0, 0.2, 2.0, 4.0
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
 SHORTENED, SHORTENED_UNTAUGHT = 0.25, 0.5  # of a step whose trial is worse than what it left
 DAMPED = 0.03  # of the diagonal comes to it with the first such step, ten times as much with each one more
@@ -672,25 +675,36 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     changed = d @ (Pi @ d)
     change = (changed - EXPECTED) / SURPRISING
     share = where(is_set(par.option_further), square(clip(change, 0.0, 1.0)), 0.0)
+    moved = flag(has_moved(work.walk))
+    trends = _trends(old, d, moved, par)
+    ahead = {k: moved * step for k, step in zip(SUDDEN, _ahead(trends))}
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
-        most = variance + share * square(s) if k in SUDDEN else variance
+        if k in SUDDEN:
+            unsteady = square(ABOUT * ahead[k])
+            most = where(unsteady > variance, unsteady, variance) + share * square(s)
+        else:
+            most = variance
         P[k, k] = P[k, k] + clip(square(s) - P[k, k], 0.0, most)
     P[START, :] = P[:, START] = 0.0
     P[START, START] = square(start_deviation(par))
-    moved = flag(has_moved(work.walk))
     expected = float(N) - total(posterior[k] @ Pi[k] for k in range(N))  # of what the window changes (12)
     more = changed - USUAL_CHANGE * expected
     surplus = clip(old.surplus + where(more < ONE_SURPLUS, more, ONE_SURPLUS), 0.0, MOST_SURPLUS)
     settles = (moved > 0.0) & (old.explained >= SETTLES - 1.0) & (surplus <= 0.0)
+    q = store(fit.q, START, 0.0)
+    for k, step in ahead.items():
+        q = store(q, k, load(q, k) + step)
     return work._replace(
         phase=Phase.renewing,
-        fit=fit._replace(q=store(fit.q, START, 0.0), inverse=put_matrix(fit.inverse, P), pivots_done=0.0),
+        fit=fit._replace(q=q, inverse=put_matrix(fit.inverse, P), pivots_done=0.0),
         learnt=old._replace(
             rejected=where(old.rejected < 0.0, old.rejected + moved, 0.0),
             explained=old.explained + moved,
             doubt=where(moved > 0.0, _doubt(misfit, old), old.doubt),
             deviations=deviations,
             surplus=where(moved > 0.0, surplus, old.surplus),
+            rest_trend=trends[0],
+            damping_trend=trends[1],
             is_settled=where(settles, 1.0, old.is_settled),
         ),
     )
@@ -707,6 +721,27 @@ def _doubt(misfit: Scalar, before: Learnt) -> Scalar:
     """Of the eddy currents after a window: the largest of late, fading; a later misfit is that of a fault."""
     new, old = clip((misfit - USUAL_MISFIT) / (WRONG_MISFIT - USUAL_MISFIT), 0.0, 1.0), FADING * before.doubt
     return where((before.explained < PRACTISED) & (new > old), new, old)
+
+
+def _trends(before: Learnt, d: Array, moved: Scalar, par: Parameters) -> list[Scalar]:
+    """Means of late of what an operation changes of rest and damping, after one that came out d from what was ahead.
+
+    A change that comes at once is none that goes on: the mean begins anew.
+    """
+    counts = is_set(par.option_ahead) & (moved > 0.0) & (before.explained >= SETTLES)
+    old = (before.rest_trend, before.damping_trend)
+    means = []
+    for k, mean, step in zip(SUDDEN, old, _ahead(old)):
+        most = STEADY * RESTLESS[k]
+        new = LASTING * mean + (1.0 - LASTING) * clip(step + d[k], -most, most)
+        means.append(where(counts, where(fabs(d[k]) > AT_ONCE * RESTLESS[k], 0.0, new), mean))
+    return means
+
+
+def _ahead(trends: Sequence[Scalar]) -> list[Scalar]:
+    """What the next operation will change of them."""
+    noise = [UNSTEADY * RESTLESS[k] for k in SUDDEN]
+    return [mean - clip(mean, -most, most) for mean, most in zip(trends, noise)]
 
 
 def _drifts(work: Work, par: Parameters) -> list[Scalar]:

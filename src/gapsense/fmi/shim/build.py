@@ -11,7 +11,7 @@ from pathlib import Path
 
 from gapsense._os.native import Library, NativeError
 from gapsense.fmi.shim import BINARY, SOURCE
-from gapsense.kernels.emit import same
+from gapsense.kernels.emit.c import same
 
 
 def headers() -> Path:

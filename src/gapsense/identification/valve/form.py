@@ -95,6 +95,19 @@ class Form(NamedTuple):
         made = replace_values(self.known, **{n: x for name, f in factors for n, x in multiply(self.known, name, f)})
         return made if self.law is None else replace_values(made, **_table(self.law_at(ratios), made))
 
+    def at_each(self, points: Sequence[Vector]) -> list[Device]:
+        """The same of several points, which differ in a few numbers: a tenth of the time."""
+        fields = self.known._fields
+        if self.law is not None or TABLE_FIELDS[0] in self.fitted:
+            return [*map(self.at, points)]
+        bare, made = valve(self.known), list[Device]()
+        inner = [(k, bare._fields.index(name)) for k, name in enumerate(self.fitted) if name not in fields]
+        outer = [(k, fields.index(name)) for k, name in enumerate(self.fitted) if name in fields]
+        for factors in (np.exp(ratios).tolist() for ratios in points):
+            par = _multiplied(self.known, outer, factors)
+            made.append(par._replace(valve=_multiplied(bare, inner, factors)) if inner else par)
+        return made
+
     def law_at(self, ratios: Vector) -> Law:
         """The gap law with its fitted numbers; what is known without a gap is that of core and gap together."""
         law = self.law or Law("none", 0.0, ())
@@ -145,6 +158,14 @@ class Form(NamedTuple):
         known = replace_values(self.known, **{name: value_of(now, name) for name in lost})
         fitted = tuple(name for name in self.fitted if name not in lost)
         return self._replace(known=known, fitted=fitted), ratios[free]
+
+
+def _multiplied(par: Any, places: Sequence[tuple[int, int]], factors: Sequence[float]) -> Any:
+    """A record with some of its numbers multiplied: place of the factor, and of the number."""
+    numbers = [*par]
+    for k, place in places:
+        numbers[place] *= factors[k]
+    return par._make(numbers)
 
 
 def shape(law: Law) -> tuple[str, ...]:

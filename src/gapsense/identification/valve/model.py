@@ -240,7 +240,7 @@ def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
 
 def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experiment]) -> Matrix:
     """Weighted residuals, current and flux linkage of each experiment (points, residuals); their squares make J."""
-    return residuals_of([form.at(ratios) for ratios in points], experiments)
+    return residuals_of(form.at_each(points), experiments)
 
 
 def residuals_of(pars: Sequence[Device], experiments: Sequence[Experiment]) -> Matrix:

@@ -226,14 +226,8 @@ def exchange(part: Part, channels: Sequence[Channel]) -> Any:
     """The call that moves values, if there are any, for C."""
     for c in channels:
         entry = address(part.instance.function(c.function))
-        places = map(ctypes.addressof, (c.references, c.values))
-        return Exchange(
-            entry=entry,
-            references=next(places),
-            count=len(c.references),
-            values=next(places),
-            value_count=len(c.values),
-        )
+        references, values = map(ctypes.addressof, (c.references, c.values))
+        return Exchange(entry, references, len(c.references), values, value_count=len(c.values))
     return Exchange()
 
 
