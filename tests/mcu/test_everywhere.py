@@ -22,7 +22,8 @@ from gapsense._os.native import zig_version
 from gapsense.embedded.design import designed
 from gapsense.embedded.export import export
 
-ZIG = (sys.executable, "-m", "ziglang", "cc", "-std=c99", "-ffp-contract=off", "-target")
+# -s, as the hosts of tests/native have it, which share the C library that Zig makes
+ZIG = (sys.executable, "-m", "ziglang", "cc", "-std=c99", "-ffp-contract=off", "-s", "-target")
 HERE = Path(__file__).parent
 # Its library is there. Zig makes its own of Linux first, in a minute.
 NEWLIB = ("arm-none-eabi-gcc", "-mcpu=cortex-a9", "-mfpu=vfpv3", "-mfloat-abi=hard", "--specs=rdimon.specs")

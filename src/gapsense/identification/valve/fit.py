@@ -210,6 +210,7 @@ class Identified(NamedTuple):
 
 SIZES = (0.1, 0.01)  # first steps of the multi-directional search, before and after the charges are balanced
 MUCH = 0.7  # of the squares that are left: with less, places of edges explain much, whatever else is there
+TOUCHING, JUMPED = 0.15, 5.0  # samples between an edge and a sample; what is left there, in RMS of all of it
 AT_REST = 1e-5  # relative change of the resistances
 MOST = 8  # times that charges are balanced
 
@@ -367,7 +368,7 @@ def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str
             if start:
                 ratios = carry_over(start.form, start.ratios, form)
                 ends.append(_minimise(fit, ratios, start.prepared, (*causes, *names), is_searched=False))
-        found = min(ends, key=lambda end: rms(_left(end)))
+        found = _across_samples(fit, min(ends, key=lambda end: rms(_left(end))))
         every.append(found)
         if not best or _evidence(best, found) > ENOUGH:
             best = found
@@ -379,6 +380,26 @@ def _with_edges(fit: Fit, at: Found, forms: Sequence[Form], causes: Sequence[str
     if _evidence(at, best) > enough or rms(_left(best)) ** 2 < MUCH * rms(_left(at)) ** 2:
         fit.form, at = best.form, best
     return [at, *(end for end in every if end is not at)]
+
+
+def _across_samples(fit: Fit, at: Found) -> Found:
+    """The minimum with edges on the other side of samples that they nearly touch, where much is left, if it is lower.
+
+    Eddy currents jump with an edge, so that the whole jump is missing at a sample that an edge has crossed wrongly.
+    """
+    if "core_eddy" not in at.form.fitted:
+        return at
+    left, by = currents_left(at.form, at.ratios, at.experiments), dict[str, float]()
+    for name, place in at.prepared.places.items():
+        record, sample = (int(number) for number in name.split(".")[1:])
+        edge, e = sample - 0.5 + place - at.experiments[record].first, left[record]
+        nearest = min(max(round(edge), 0), e.size - 1)
+        if abs(edge - nearest) < TOUCHING and abs(e[nearest]) > JUMPED * rms(e):
+            by[name] = 2.0 * (nearest - edge)
+    if not by:
+        return at
+    other = _minimise(fit, at.ratios, at.prepared.moved(by), at.causes, is_searched=False)
+    return min((at, other), key=lambda end: rms(_left(end)))
 
 
 def _evidence(before: Found, after: Found) -> float:
