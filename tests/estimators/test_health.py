@@ -18,11 +18,12 @@ from c_code import run as run_in_c
 from c_code import switched
 from kernel_cases import components
 from lossy_valve import HALF, START, T_S, Signals, believed, faulty, irregular, square_wave
+from servo import served
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.cosim import load
 from gapsense.estimators import ekf, hybrid_ekf, readings, ukf
-from gapsense.estimators.watch import stationary
+from gapsense.estimators.watch import Limits, Now, compared, stationary, unknown
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, gap_table, tabulated
@@ -289,6 +290,12 @@ def hybrid_wrong(s: Signals) -> tuple[np.ndarray, np.ndarray]:
     return health, np.abs(position - s.position) > 100e-6
 
 
+def run_blind_signals(s: Signals) -> tuple[np.ndarray, np.ndarray]:
+    """Health of `BoundedUkf`, and its position."""
+    found = run_blind(blind(), s)
+    return found["health"], found["position"]
+
+
 @pytest.mark.parametrize("first", [24, 25])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_friction_is_told_at_once_where_operations_are_alike(seed: int, first: int) -> None:
@@ -323,6 +330,41 @@ def test_the_hybrid_filter_tells_faults_though_the_supply_is_drawn_anew(fault: s
     begins, ends = starts[24], starts[42]
     assert np.all(health[:begins] == 1.0) and wrong[begins:ends].sum() > 1000
     assert (wrong & (health == 1.0))[begins:ends].sum() <= 0.06 * wrong[begins:ends].sum()
+
+
+@pytest.mark.parametrize("kind", ["hold", "sine", "steps"])
+@pytest.mark.parametrize("filtered", [run_blind_signals, run_hybrid])
+def test_a_servo_is_told_at_once(filtered: Any, kind: str) -> None:
+    """Its voltage, far from the usual supplies, counted as one: 91 and 100 % of the wrong time had 1."""
+    s, begins, ends = served(kind)
+    rng = np.random.default_rng(7)
+    noisy = [x + std * rng.standard_normal(x.size) for x, std in ((s.voltage, 30e-3), (s.current, 2e-3))]
+    health, position = filtered(s._replace(voltage=noisy[0], current=noisy[1]))
+    wrong = np.abs(position - s.position)[begins:ends] > 100e-6
+    assert np.all(health[:begins] == 1.0)
+    assert np.all(health[begins + 250 : ends] == 0.0) and not np.any(wrong & (health[begins:ends] == 1.0))
+
+
+CLOSING = [(30.0, 20, 1.0), (0.0, 20, 3.0)]  # voltages, samples of each, and the stop that is left in the last one
+
+
+@pytest.mark.parametrize(
+    ("phases", "supply"),
+    [
+        ([*CLOSING, (48.0, 10, 0.0), (16.0, 20, 1.0)], 30.0),
+        ([*CLOSING, (20.0, 20, 1.0), (9.0, 20, 0.0)], 20.0),
+        ([(60.0, 10, 0.0), (30.0, 20, 1.0), (0.0, 20, 3.0), (48.0, 10, 0.0), (16.0, 20, 1.0)], 48.0),
+        ([*CLOSING, (30.0, 20, 1.0), (0.0, 10, 0.0), (6.0, 20, 3.0)], 30.0),
+    ],
+    ids=["a servo's", "that of an operation", "a driver that always boosts", "a servo's that opens"],
+)
+def test_a_voltage_that_pulled_nothing_tells_no_supply(phases: list[tuple[float, int, float]], supply: float) -> None:
+    usual, voltage, limits = unknown(), 0.0, Limits(50.0, 1e9, 0.0)
+    for volts, samples, leaves in phases:
+        for k in range(samples):
+            now = Now(0.0, 0.0, True, leaves * (k == samples - 1), volts != voltage, volts, voltage)
+            usual, voltage = compared(usual, now, limits, 8.0, 16.0), volts
+    assert usual.supply == supply
 
 
 MOVED: dict[str, tuple[int, dict[str, float]]] = {

@@ -117,6 +117,8 @@ class Usual(NamedTuple):
     has_edge: Annotated[Scalar, Whole(0, 1)]  # flag: there was one
     left: Scalar  # side of the stop that the mover left last, as a mode; 0: none yet
     supply: Scalar  # mean size of the voltage since it was switched on last [V]
+    moving: Scalar  # that with which the mover of the model alone last left a stop before the next edge; 0: never [V]
+    pulled: Scalar  # the stop that it left then first, as a mode; 0: none
     on: Annotated[Scalar, Count]  # samples since then, up to the next edge: later ones do not count
     spread: Scalar  # largest variance about the curves of the last operation, so far [1]
     spread_before: Scalar  # and about those of the one before it, of the side of this one
@@ -252,14 +254,23 @@ def compared(before: Usual, now: Now, limits: Limits, alike: float, evident: flo
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0) & not_(has_more)
     is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
     on = where(is_on, 1.0, where(now.is_edge | not_(before.on > 0.0), 0.0, before.on + 1.0))
-    size = fabs(now.voltage)
+    supply = before.supply + (fabs(now.voltage) - before.supply) / larger(on, 1.0)
+    supply = where(on > 0.0, supply, before.supply)
+    is_moving = is_over & (on > 0.0)
+    pulled = where(is_moving & not_(before.pulled > 0.0), now.leaves, before.pulled)
+    is_pulled = is_moving & (now.leaves == pulled)
+    moving = where(is_pulled, supply, before.moving)
+    on = where(is_moving & not_(is_pulled), 0.0, on)
+    is_off = (before.on > 0.0) & not_(on > 0.0)  # one that pulled nothing, as a servo's, tells no supply
     return Usual(
         surprise=surprised,
         bias=biased,
         samples=where(is_over | now.is_edge, 0.0, before.samples + 1.0),
         has_edge=where(is_over, 0.0, where(now.is_edge, 1.0, before.has_edge)),
         left=where(is_over, now.leaves, before.left),
-        supply=where(on > 0.0, before.supply + (size - before.supply) / larger(on, 1.0), before.supply),
+        supply=where(is_off & (moving > 0.0), moving, supply),
+        moving=moving,
+        pulled=pulled,
         on=on,
         spread=where(is_over, 0.0, spread),
         spread_before=where(is_over, spread, before.spread_before),
