@@ -19,6 +19,7 @@ from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, LEARNT, notice
 
 HELD_OUT = 6
 OTHERS = 7  # seed of conditions that were looked at on 6 too
+SEVERAL = (HELD_OUT, 526, 527, 528)  # one alone has some ten hard operations, of which nobody can tell 95 %
 TOLD = 0.95  # share of hard operations that are told
 MOST, FEWER = 200, 60  # actuators, and those of longer or many rows; half of the most have medians and 90 % as true
 BLIND = {  # what `Mhe` is told of a core that nobody knows
@@ -77,13 +78,13 @@ def test_hard_operations_are_told_in_the_next_one_and_soft_ones_are_not(conditio
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", LEARNING)
-def test_what_noise_of_20_mA_leaves_of_soft_landing_arrives_and_is_told(law):
+@pytest.mark.parametrize(("law", "seeds", "runs"), [("contact", (HELD_OUT,), FEWER), ("model", SEVERAL, MOST // 2)])
+def test_what_noise_of_20_mA_leaves_of_soft_landing_arrives_and_is_told(law, seeds, runs):
     """999 of 1,000 arrive, at most 1 of 1,000 soft ones is warned of."""
-    seen = found("told-noise", law, FEWER)
-    said = noticed(seen)
-    assert np.mean(seen.speeds[LEARNT:] == NEVER) < 1e-3
-    assert said.told >= TOLD * said.hard and said.wrongly <= 1e-3 * said.soft and said.twice == 0
+    seen = [outcome(law, CONDITIONS["told-noise"], seed, range(runs), 40) for seed in seeds]
+    hard, told, _, soft, wrongly, twice = np.sum([noticed(row) for row in seen], axis=0)
+    assert np.mean([row.speeds[LEARNT:] == NEVER for row in seen]) < 1e-3
+    assert told >= TOLD * hard and wrongly <= 1e-3 * soft and twice == 0
 
 
 @pytest.mark.slow
