@@ -252,23 +252,14 @@ def compared(before: Usual, now: Now, limits: Limits, alike: float, evident: flo
     seen, far, evidence = cond(ends, ended, lambda: (seen, before.apart, before.evidence))
     is_other = (ends & ((far * before.apart > 0.0) | (fabs(far) > 1.0))) | (evidence >= evident)
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0) & not_(has_more)
-    is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
-    on = where(is_on, 1.0, where(now.is_edge | not_(before.on > 0.0), 0.0, before.on + 1.0))
-    supply = before.supply + (fabs(now.voltage) - before.supply) / larger(on, 1.0)
-    supply = where(on > 0.0, supply, before.supply)
-    is_moving = is_over & (on > 0.0)
-    pulled = where(is_moving & not_(before.pulled > 0.0), now.leaves, before.pulled)
-    is_pulled = is_moving & (now.leaves == pulled)
-    moving = where(is_pulled, supply, before.moving)
-    on = where(is_moving & not_(is_pulled), 0.0, on)
-    is_off = (before.on > 0.0) & not_(on > 0.0)  # one that pulled nothing, as a servo's, tells no supply
+    on, supply, moving, pulled = _supplied(before, now, is_over)
     return Usual(
         surprise=surprised,
         bias=biased,
         samples=where(is_over | now.is_edge, 0.0, before.samples + 1.0),
         has_edge=where(is_over, 0.0, where(now.is_edge, 1.0, before.has_edge)),
         left=where(is_over, now.leaves, before.left),
-        supply=where(is_off & (moving > 0.0), moving, supply),
+        supply=supply,
         moving=moving,
         pulled=pulled,
         on=on,
@@ -303,6 +294,21 @@ class Bent(NamedTuple):
     spread: Any  # variance of the supply
     rest: Any  # that of its square beside it
     variance: Any  # that of the errors beside both
+
+
+def _supplied(before: Usual, now: Now, is_over: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+    """Samples with a voltage, the supply, that which last pulled the mover, and the stop that it left first."""
+    is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
+    on = where(is_on, 1.0, where(now.is_edge | not_(before.on > 0.0), 0.0, before.on + 1.0))
+    supply = before.supply + (fabs(now.voltage) - before.supply) / larger(on, 1.0)
+    supply = where(on > 0.0, supply, before.supply)
+    is_moving = is_over & (on > 0.0)
+    pulled = where(is_moving & not_(before.pulled > 0.0), now.leaves, before.pulled)
+    is_pulled = is_moving & (now.leaves == pulled)
+    moving = where(is_pulled, supply, before.moving)
+    on = where(is_moving & not_(is_pulled), 0.0, on)
+    is_off = (before.on > 0.0) & not_(on > 0.0)  # one that pulled nothing, as a servo's, tells no supply
+    return on, where(is_off & (moving > 0.0), moving, supply), moving, pulled
 
 
 def _curve(curves: Array, at: Scalar) -> Curve:
