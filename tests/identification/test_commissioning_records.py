@@ -54,6 +54,7 @@ def test_offset_8_bits_and_100_us_with_a_clamp_give_the_positions():
     assert written["sample_time"] == 20e-6 and written["noise.current"] == pytest.approx(2.3e-3, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_drop_that_was_not_recorded_is_refused_by_name():
     c, made, _ = case(3), *measured(case(3).device, Drive(drop=0.7, pulses=1), Instruments())
     v = made.voltage

@@ -31,7 +31,6 @@ CASES = {
     "both": ({"eddy": 0.5e-3, "amplitude": 5e-3, "length": 2e-3}, ("eddy", "hysteresis")),
     "fringes": ({"par": FRINGED}, ("fringing",)),
 }
-QUICK = ("eddy",)  # for every run of the tests
 
 
 @cache
@@ -98,7 +97,8 @@ def test_models_with_losses_that_are_simulated_together_have_the_bits_that_they_
         np.testing.assert_array_equal(current, model.simulate_experiment(one, experiment).current)
 
 
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in CASES])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
 def test_losses_and_fringes_are_found_within_their_errors(name):
     result = found(name)
     assert set(result.form.added) == set(CASES[name][1])
