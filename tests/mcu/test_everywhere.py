@@ -52,6 +52,7 @@ QUICK = ("x86 with FMA", "reluctance_actuator")  # it calls all functions; Zig m
 CASES = [
     pytest.param(*case, marks=() if case == QUICK else pytest.mark.slow)
     for case in itertools.product(MACHINES, FOLDERS)
+    if case[0] != "wasm32" or case[1] not in LARGE  # their FMUs run there, in tests/native/test_wasm.py
 ]
 
 
