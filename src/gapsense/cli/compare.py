@@ -128,7 +128,7 @@ def converge(
         found = cosim.converge(
             source, variant, fmus, runs, budget, tolerance, keep or (), write, isolation="process", progress=progress
         )
-    console.show(*convergence.shown(found))
+    console.show(*convergence.tabulate(found))
     if write:
         console.say_written(measured_file(cosim.load(source, variant)))
     if export:

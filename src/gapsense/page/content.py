@@ -18,7 +18,7 @@ from gapsense.report.html import figures, run, style
 from gapsense.report.html.curves import SIGMAS, VARIANCE, Curve, Panel, deviation
 from gapsense.report.html.figures import Entry
 from gapsense.report.html.subject import Shown
-from gapsense.report.table import PREFIXES, UNPREFIXED, prefixed
+from gapsense.report.table import PREFIXES, UNPREFIXED, choose_prefix
 
 CONTROLS = 10  # where the scenario names none
 SPAN = 4.0  # from the least value of a slider to the given one, and from that to the greatest
@@ -67,7 +67,7 @@ def panels(scenario: Scenario, result: Result) -> Iterator[dict[str, Any]]:
     """
     shown = Shown(file=Path(), result=result, scenario=scenario, note="", events=())
     pairs = {pair.signal: pair for pair in run.pairs(shown)}
-    axes = figures.shared(shown, style.colours(result.run.order), 0)
+    axes = figures.make_time_axis(shown, style.colours(result.run.order), 0)
     for of in sorted(run.panels(shown), key=lambda of: place_of(of, scenario)):
         entries = figures.entries(of, axes, "")
         curves = [
@@ -167,6 +167,6 @@ def scale(port: Port, value: float) -> Mapping[str, Any]:
     low, high = (size / SPAN, size * SPAN) if value > 0.0 else (-size, size)
     if -math.inf < least < most < math.inf and (least <= 0.0 or most / least <= SPAN**4):
         low, high = least, most
-    factor, unit = prefixed(value, port.unit) if port.unit != "1" else (1.0, "")
+    factor, unit = choose_prefix(value, port.unit) if port.unit != "1" else (1.0, "")
     ends = [float(f"{max(least, min(most, end)):.3g}") for end in (low, high)]
     return {"low": ends[0], "high": ends[1], "unit": unit, "exponent": round(math.log10(factor))}

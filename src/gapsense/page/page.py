@@ -54,7 +54,7 @@ def page(scenario: Source, variant: str | None = None, fmus: str | Path | None =
     result = run_as_vectors(scenario, variant, fmus, "auto") or run(scenario, variant, fmus)
     compiled = module([subject.descriptions[name].name for name in subject.order.names], plan.header(subject))
     names = ("uplot/uPlot.iife.min.js", "numbers.js", "measure.js", "page.js")
-    scripts = [report.closed(report.read(name, HERE)) for name in names]
+    scripts = [report.escape_script(report.read(name, HERE)) for name in names]
     allowed = " ".join([MAY_COMPILE, *map(report.digest, scripts)])
     styles = (style.variables(), report.read("page.css"), report.read("uplot/uPlot.min.css", HERE))
     return str(
@@ -64,7 +64,9 @@ def page(scenario: Source, variant: str | None = None, fmus: str | Path | None =
             style=Markup("\n".join([*styles, report.read("page.css", HERE)])),
             plan=make_plan(subject, result),
             module=pack_binary(compiled),
-            worker=Markup("\n".join(report.closed(report.read(name, HERE)) for name in ("events.js", "worker.js"))),
+            worker=Markup(
+                "\n".join(report.escape_script(report.read(name, HERE)) for name in ("events.js", "worker.js"))
+            ),
             scripts=[*map(Markup, scripts)],
             version=__version__,
             uplot=UPLOT,
