@@ -33,7 +33,7 @@ def hit(half, speed, landing=LANDING, fluxes=FLUX, growth=0.0):
     memory["charges"][round(half) * LONGEST :][:LONGEST] = charges
     known = state.laws
     for each, travel in ((CLOSING, PAR.closing_travel), (OPENING, PAR.opening_travel)):
-        law = laws.first(travel, PAR)._replace(was_plain=0.0, speed=PAR.approach_least, length=AGE)
+        law = laws.first(travel, 0.0, PAR)._replace(was_plain=0.0, speed=PAR.approach_least, length=AGE)
         known = laws.write(known, each, law)
     running = state.running._replace(command=half, age=AGE, is_plain=0.0, speed=PAR.approach_least)
     return state._replace(**memory, laws=known, running=running)

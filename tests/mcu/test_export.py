@@ -127,7 +127,8 @@ def test_no_output_but_those_wanted_is_computed() -> None:
     assert few.kept["outputs"] == ["flux_linkage"]
 
 
-@pytest.mark.parametrize("is_baked", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("is_baked", [False, True])
 def test_memory_is_for_the_samples_that_are_kept_and_its_bits_are_those_of_the_kernel(
     is_baked: bool, tmp_path: Path
 ) -> None:

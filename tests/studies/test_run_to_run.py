@@ -349,7 +349,8 @@ def test_fisher_basis_is_the_plane_in_which_the_profile_changes_most():
         assert change[0] > change[1] > change[2]
 
 
-@pytest.mark.parametrize("law", ["nelder-mead", pytest.param("fisher", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["nelder-mead", "fisher"])
 def test_searches_get_somewhere(law):
     found = outcome(law, PLAIN, 1, range(6), 25)
     assert not found.is_ordinary.any()  # or a search would take an ordinary landing for that of its own point

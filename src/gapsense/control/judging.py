@@ -140,7 +140,7 @@ def _alarmed(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> Sta
     def afresh() -> Array:
         known = state.laws
         for each in (CLOSING, OPENING):
-            known = laws.write(known, each, laws.doubted(laws.read(known, each), par))
+            known = laws.write(known, each, laws.doubted(laws.read(known, each), state.by_model, par))
         return known
 
     def doubted() -> State:
