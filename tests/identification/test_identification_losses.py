@@ -151,7 +151,8 @@ def test_turnover_in_a_false_minimum_starts_again():
     assert abs(z("both", result)["core_turnover"]) < 3.0 and not result.at_bounds
 
 
-@pytest.mark.parametrize("name", ["eddy", pytest.param("both", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["eddy", "both"])
 def test_plain_form_alone_is_further_off(name):
     result = fit_valve([lossy(seed=1, **CASES[name][0])], GUESS, starts=1, sought=Sought(()))
     assert result.form.added == () and len(result.trials) == 1
