@@ -19,7 +19,7 @@ from host import expected, read, shorten
 from test_export import FOLDERS
 
 from gapsense._os.native import zig_version
-from gapsense.embedded.design import designed
+from gapsense.embedded.design import make_design
 from gapsense.embedded.export import export
 
 # -s, as the hosts of tests/native have it, which share the C library that Zig makes
@@ -59,7 +59,7 @@ CASES = [
 @cache
 def wanted(name: str) -> list[list[float]]:
     """What every machine must print."""
-    return expected(designed(FOLDERS[name], "double"))
+    return expected(make_design(FOLDERS[name], "double"))
 
 
 @pytest.mark.parametrize(("machine", "name"), CASES)
@@ -69,7 +69,7 @@ def test_double_has_the_same_bits_on_other_machines(machine: str, name: str, tmp
         pytest.skip(f"no {' and no '.join(missing)}, which make and run programs for {machine}")
     if compiler[0] == sys.executable and not zig_version():
         pytest.skip("no ziglang, which compiles for other machines")
-    design = designed(FOLDERS[name], "double")
+    design = make_design(FOLDERS[name], "double")
     export([design], tmp_path)
     program, code, main = (str(tmp_path / f"{design.name}{ending}") for ending in (".exe", ".o", "_main.c"))
     shorten(Path(main), len(wanted(name)))
@@ -87,7 +87,7 @@ def test_double_has_the_same_bits_on_microcontrollers(name: str, board: str, tmp
     """Neither processor has instructions for double: what takes long to compile is for one of them."""
     if missing := missing_tools():
         pytest.skip(f"no {' and no '.join(missing)}")
-    design = designed(FOLDERS[name], "double")
+    design = make_design(FOLDERS[name], "double")
     export([design], tmp_path)
     main = tmp_path / f"{design.name}_main.c"
     shorten(main, len(wanted(name)))

@@ -58,7 +58,7 @@ def run(
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: print metrics, published values and time per component; write results as CSV and JSON."""
-    fmus = console.chosen(scenario, fmus, native)
+    fmus = console.choose_fmus(scenario, fmus, native)
     if only_check:
         return check(scenario, variant, fmus, settings)
     with run_ahead():
@@ -88,7 +88,7 @@ def sweep(
     An interrupted sweep continues where it was: runs already in the folder are not repeated.
     """
     engine = cli.engine_of(engine, native)
-    fmus = console.chosen(scenario, fmus, engine == "native")
+    fmus = console.choose_fmus(scenario, fmus, engine == "native")
     with runs_ahead(workers, engine, cosim.scenario_file(scenario)), console.bar("sweeping") as progress:
         from gapsense.cosim.run.loop.compiled import language  # here, while the workers start
 
@@ -143,9 +143,9 @@ def figure(
         with console.bar("running") as progress:
             result = cosim.run(source, variant, fmus, progress=progress, **console.APART)
         console.stop_if_interrupted(result)
-    console.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
+    console.say_written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
     if show:
-        cli.shown(file)
+        cli.open_in_browser(file)
 
 
 @cli.command("test")
@@ -169,7 +169,7 @@ def test(
     if figures != FAILED:  # what nobody has asked for may be missing
         refuse_unwritable(folders=[figures])
     engine = cli.engine_of(engine, native)
-    fmus = console.chosen(folder, fmus, native or engine == "native")
+    fmus = console.choose_fmus(folder, fmus, native or engine == "native")
     outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process", engine=engine)
     failed = sum(not o.passed for o in outcomes)
     console.show(f"{len(outcomes) - failed} passed, {failed} failed")
@@ -204,7 +204,7 @@ def baseline(
     With --sensitivity, all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
     four runs. A signal that then leaves its tolerance depends more on rounding than on the scenario: exit code 1.
     """
-    fmus = console.chosen(scenario, fmus, native)
+    fmus = console.choose_fmus(scenario, fmus, native)
     if sensitive:
         found = cosim.sensitivity(scenario, variant, fmus)
         console.show(runs.growths(found))
