@@ -8,6 +8,7 @@ from gapsense.control import laws, learning, run_to_run
 from gapsense.control.mover import NUMBERS, make_mover, moved, squares, started
 from gapsense.control.profile import Operation, arrival, flux, stops
 from gapsense.control.records import LONGEST, Heard
+from gapsense.kernels.layout import blank
 
 PAR = parameters()
 DT = PAR.sample_time
@@ -42,7 +43,13 @@ def learnt(law, half, operations=3):
     state = state._replace(laws=known, fluxes=memory.tolist() if isinstance(state.fluxes, list) else memory)
     misses = []
     for _ in range(operations + 1):
-        state = learning.begun(state._replace(heard=Heard(3.0, 1.0, takeoff, landing, 0.0, 0.0)), half, 0.0, 0.0, PAR)
+        state = learning.begun(
+            state._replace(heard=blank(Heard, last_mode=3.0, began=1.0, takeoff=takeoff, landing=landing)),
+            half,
+            0.0,
+            0.0,
+            PAR,
+        )
         while state.course.last >= state.course.at:
             last, state = state, learning.worked(state, PAR)
         assert last.course.half == half
@@ -74,7 +81,7 @@ def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
     """More pull at a closing; at an opening less."""
     state, _ = run_to_run.initial(inputs(), PAR)
     state = state._replace(laws=laws.write(state.laws, half, laws.first(PAR.closing_travel, 0.0, PAR)))
-    state = learning.begun(state._replace(heard=Heard(3.0, 1.0, 0.0, 0.0, 0.0, 0.0)), half, 0.0, 0.0, PAR)
+    state = learning.begun(state._replace(heard=blank(Heard, last_mode=3.0, began=1.0)), half, 0.0, 0.0, PAR)
     assert laws.read(state.laws, half).mean[0] == pytest.approx(sign * learning.STUCK)
     assert state.course.last < state.course.at  # and there is nothing to compute
 
@@ -82,7 +89,7 @@ def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
 def test_nothing_is_learnt_where_the_contact_was_not_heard():
     state, _ = run_to_run.initial(inputs(), PAR)
     state = state._replace(laws=laws.write(state.laws, 1.0, laws.first(PAR.closing_travel, 0.0, PAR)))
-    state = learning.begun(state._replace(heard=Heard(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 1.0, 0.0, 0.0, PAR)
+    state = learning.begun(state._replace(heard=blank(Heard)), 1.0, 0.0, 0.0, PAR)
     assert not laws.read(state.laws, 1.0).mean.any() and state.course.last < state.course.at
 
 
@@ -107,7 +114,7 @@ def test_other_damping_is_found_by_approaches_of_different_speed():
         fluxes, takeoff, landing = flown(plan, true)
         memory = np.zeros(2 * LONGEST)
         memory[LONGEST:][: len(fluxes)] = fluxes
-        heard = Heard(3.0, 1.0, takeoff, landing, 0.0, 0.0)
+        heard = blank(Heard, last_mode=3.0, began=1.0, takeoff=takeoff, landing=landing)
         state = learning.begun(state._replace(fluxes=memory, heard=heard), 1.0, 0.0, 0.0, PAR)
         while state.course.last >= state.course.at:
             state = learning.worked(state, PAR)

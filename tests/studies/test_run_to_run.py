@@ -413,7 +413,7 @@ def test_verdicts_tell_what_holds():
     assert not any(v.holds for v in verdicts({("plain", "contact"): made(2.6 * good)})[:3])
     late_ones = np.where(np.arange(40) == 30, NEVER, good)
     assert [v.holds for v in verdicts({("plain", "contact"): made(late_ones)})] == [False] * 4
-    assert not verdicts({("late", "contact"): made(good)})
+    assert not verdicts({("wrong-5", "contact"): made(good)})
 
 
 def invoke(*arguments):

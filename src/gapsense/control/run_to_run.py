@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, piece, told_at, watched
+from gapsense.control.bend import due, located, piece, told_at, watched
 from gapsense.control.coil import (
     AVERAGED,
     WARM,
@@ -362,6 +362,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     state, u = tracked(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
     state = state._replace(heard=watched(state, par))
+    state = located(state, par)
     state = informed(state, inputs, par)
     return cond(state.by_model > 0.0, lambda: state, lambda: learning.worked(state, par)), _outputs(state, u)
 
