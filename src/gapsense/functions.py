@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from gapsense.identification.options import MODELS, documented
+from gapsense.identification.options import MODELS, document_arguments
 from gapsense.problems import InputError
 from gapsense.shipped import record as shipped
 
@@ -80,7 +80,7 @@ class Found:
         return self.drawn()
 
 
-@documented
+@document_arguments
 def inspect(
     data: Data,
     *,
@@ -113,7 +113,7 @@ def inspect(
     return answer(shown, lambda: inspection_figure(records, found), picture)
 
 
-@documented
+@document_arguments
 def identify(
     data: Data,
     *,
@@ -168,7 +168,7 @@ def identify(
         return answer(found.pop("shown"), found.pop("figure"), picture, to=to, kept=folder, **found)
 
 
-@documented
+@document_arguments
 def commission(
     data: Data,
     parameters: File,
@@ -238,7 +238,7 @@ def turns_are_assumed(
     return is_assumed
 
 
-@documented
+@document_arguments
 def gap_law(
     data: File,
     *,
@@ -292,7 +292,7 @@ def gap_law(
         )
 
 
-@documented
+@document_arguments
 def fem(
     data: File,
     *,
@@ -335,7 +335,7 @@ def fem(
     models = show.make_models(points, number, float(given["stop.lower"]), float(given["stop.upper"]))
     tuning, told = show.windows(models, given, supply)
     losses = untold_losses(number, models.reduced.saturation, {*known} - {*marked})
-    tuning = show.untold({**losses, **tuning}, known, marked)
+    tuning = show.drop_given({**losses, **tuning}, known, marked)
     assumed = [*dict.fromkeys((*assumed, *(name for name in GUESSED if name in tuning)))]
     shown = [*show.fem_tables(models), *told, *show.beyond(points, given, assumed), *meanings(assumed)]
     wrong = show.doubts(models)
@@ -353,7 +353,7 @@ def fem(
         )
 
 
-@documented
+@document_arguments
 def estimate(
     data: Data,
     *,
@@ -394,7 +394,7 @@ def estimate(
     record = judge.coarsen(record, wanted, judge.estimators(every), values)
     names, left_out = judge.choose_estimators(wanted, judge.estimators(every), record, values)
     take_values(find_components(every, names), sets, find_components(every))  # before any run
-    placed = judge.placed(record, values) if "Mhe" in names else record
+    placed = judge.with_placed_edges(record, values) if "Mhe" in names else record
     notes = [*about(placed), *(f"left out: {reason}" for reason in left_out)]
     estimates = judge.run_all([folder / f"{name}.fmu" for name in names], record, values, progress, placed)
     doubts = judge.doubts(record, estimates)

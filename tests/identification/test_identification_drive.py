@@ -77,7 +77,7 @@ def test_edges_that_lie_differently_have_a_place_each():
 
 @pytest.mark.parametrize("convention", ["end", "start", "trapezoid"])
 def test_places_of_edges_begin_where_the_reading_of_the_voltage_has_them(convention):
-    before = prepare_all([made(35, 1)], None, convention).moved({"delay": 10e-6})
+    before = prepare_all([made(35, 1)], None, convention).move_causes({"delay": 10e-6})
     after = before.read_between(before.edges)
     assert after.convention == "trapezoid" and "delay" not in after.drive
     assert [*after.places.values()] == pytest.approx([{"end": -0.3, "start": 0.7}.get(convention, 0.2)] * 3)
@@ -200,7 +200,7 @@ def test_resistance_that_no_coil_of_copper_has_is_told():
 
 def test_accuracy_of_a_resistance_needs_its_value():
     with pytest.raises(ValueError, match="has no value"):
-        choice.sought("plain", (), Known(VALVE), {"coil.resistance": 0.02})
+        choice.parse_sought("plain", (), Known(VALVE), {"coil.resistance": 0.02})
 
 
 def test_resistance_in_series_that_a_record_does_not_tell_is_in_the_error():

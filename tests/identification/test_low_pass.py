@@ -43,7 +43,7 @@ def test_corner_and_order_are_found(corner, order, size):
     assert found.low_pass.b == pytest.approx((0.0, 0.5)[order - 1] * delay**2, abs=0.03 * delay**2)
     assert [edge.at for edge in found.edges] == pytest.approx(EDGES, abs=1.0 / FINE)
     assert [edge.size for edge in found.edges] == pytest.approx([size, -size] * 2, rel=5e-3)
-    assert f"{('first', 'second')[order - 1]} order" in found.told(DT)
+    assert f"{('first', 'second')[order - 1]} order" in found.describe(DT)
 
 
 def test_sharp_edges_and_fast_ones_tell_no_filter():

@@ -9,7 +9,7 @@ from network_records import LONG
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.identification.actuator import fit
 from gapsense.identification.actuator.edges import place_edges
-from gapsense.identification.estimate import placed, run_estimator
+from gapsense.identification.estimate import run_estimator, with_placed_edges
 from gapsense.identification.measurements.record import Columns, to_record
 
 FINE, EACH, REST, HALF = 10e-6, 25, 500, 4507
@@ -32,7 +32,7 @@ def record(late, values, pulses=1):
 def test_currents_tell_where_edges_are(late, fmus):
     """Also one exactly at a sample; positions before the landing are then within 1 % of the stroke."""
     made, z = record(late, KNOWN, pulses=2)
-    read = placed(made, KNOWN)
+    read = with_placed_edges(made, KNOWN)
     first = REST // EACH + 1
     assert "The currents do, to" in read.remarks[-1] and "mean voltages" in read.remarks[-1]
     assert read.is_mean and read.voltage[first] == pytest.approx(12.0 * (1.0 - late / EACH), abs=2.0)
@@ -46,7 +46,7 @@ def test_currents_tell_where_edges_are(late, fmus):
 
 def test_what_the_currents_do_not_tell_is_said():
     made, _ = record(0, KNOWN)
-    read = placed(made, {**KNOWN, "prior.eddy": 1.0, "prior.gap": 0.04})
+    read = with_placed_edges(made, {**KNOWN, "prior.eddy": 1.0, "prior.gap": 0.04})
     assert not read.is_mean and "Nor do the currents" in read.remarks[-1]
     assert np.array_equal(read.voltage, made.voltage)
 

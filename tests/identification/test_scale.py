@@ -8,7 +8,7 @@ import pytest
 from gapsense.identification.measurements.record import Columns, to_record
 from gapsense.identification.parameter_set import parameters_of
 from gapsense.identification.residual import residual
-from gapsense.identification.scale import scaled, spans_of
+from gapsense.identification.scale import find_tuning, spans_of
 from gapsense.identification.valve.model import Trajectory
 
 DEFAULTS = parameters_of("mhe", None)
@@ -25,11 +25,11 @@ def seen(dt=20e-6, amperes=0.4, motion=100, excess=0.0):
 
 
 def test_valve_for_which_the_defaults_are_made_keeps_them():
-    assert scaled(*seen()) == {}
+    assert find_tuning(*seen()) == {}
 
 
 def test_slow_device_has_longer_windows():
-    found = scaled(*seen(dt=100e-6, motion=300))
+    found = find_tuning(*seen(dt=100e-6, motion=300))
     motion, landing = spans_of(seen(dt=100e-6, motion=300)[0][0], seen(dt=100e-6, motion=300)[1][0])
     assert motion == pytest.approx(30e-3) and landing == pytest.approx(35e-3, rel=0.01)
     assert found["window.tail"] == pytest.approx(motion) and found["window.longest"] > landing + motion
@@ -38,12 +38,12 @@ def test_slow_device_has_longer_windows():
 
 @pytest.mark.parametrize(("amperes", "error"), [(0.02, 1e-4), (20.0, 20e-3)])
 def test_error_of_the_model_goes_with_the_current(amperes, error):
-    assert scaled(*seen(amperes=amperes))["model.error"] == pytest.approx(error, rel=0.02)
+    assert find_tuning(*seen(amperes=amperes))["model.error"] == pytest.approx(error, rel=0.02)
 
 
 def test_error_of_the_model_is_what_it_leaves():
-    assert scaled(*seen(excess=5e-3))["model.error"] == pytest.approx(5e-3, rel=0.05)
+    assert find_tuning(*seen(excess=5e-3))["model.error"] == pytest.approx(5e-3, rel=0.05)
 
 
 def test_fast_samples_fit_into_a_window():
-    assert scaled(*seen(dt=2e-6))["window.longest"] <= 2000 * 2e-6
+    assert find_tuning(*seen(dt=2e-6))["window.longest"] <= 2000 * 2e-6

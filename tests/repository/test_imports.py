@@ -161,7 +161,7 @@ HELP = "from gapsense.cli import app\napp(['--help'], standalone_mode=False)"
 STARTS = {  # and what they must not load
     "import gapsense, gapsense.cosim, gapsense.cosim.run.ahead": HEAVY | SHOWING | {"numpy"},
     "from gapsense.cli import app": HEAVY | {"numpy"},
-    "from gapsense.cli import loaded; loaded('run')": HEAVY | {"numpy", "email", "argparse"},
+    "from gapsense.cli import load_app; load_app('run')": HEAVY | {"numpy", "email", "argparse"},
     HELP: HEAVY | {"numpy"},
     "from gapsense.cosim import run, sweep": HEAVY | SHOWING,
     "import gapsense.cosim.run.apart, gapsense.many.worker": HEAVY | SHOWING,

@@ -71,7 +71,7 @@ def ask(names: Sequence[str], ports: Mapping[str, Port], where: str, source: str
     """Ask for missing parameters, all in one sentence, unless there are none; `source` has what `--assume` takes."""
     if not names:
         return
-    wanted = ", ".join(f"`{name}` ({_described(name, ports[name])})" for name in names)
+    wanted = ", ".join(f"`{name}` ({_describe_port(name, ports[name])})" for name in names)
     relative = f", or take the values of {source} with `--assume`, for a relative answer" if source else ""
     example = next((n for n in names if n == "stop.upper"), names[0])
     key = f'"{example}"' if "." in example else example
@@ -84,7 +84,7 @@ def ask(names: Sequence[str], ports: Mapping[str, Port], where: str, source: str
     )
 
 
-def _described(name: str, port: Port) -> str:
+def _describe_port(name: str, port: Port) -> str:
     what = scale(name).what or port.description
     return what if port.unit == "1" or port.choices else f"{what}, in {port.unit}"
 
@@ -98,10 +98,10 @@ def describe_doubt(name: str, doubt: float) -> str:
 
 def list_values(values: Mapping[str, Value], ports: Mapping[str, Port], names: Iterable[str]) -> str:
     """Some names and values, with units."""
-    return ", ".join(f"`{name}` = {_shown(values[name], ports.get(name))}" for name in names)
+    return ", ".join(f"`{name}` = {_format_value(values[name], ports.get(name))}" for name in names)
 
 
-def _shown(value: Value, port: Port | None) -> str:
+def _format_value(value: Value, port: Port | None) -> str:
     if isinstance(value, (str, bool)):
         return f"{value}".rpartition("/")[2]
     return quantity(float(value), port.unit if port else "").strip()

@@ -59,7 +59,7 @@ def cause(name: str) -> Cause:
         return CAUSES[name] if name in CAUSES else HIDDEN[name]
     sample = int(name.rpartition(".")[2])
     said = "an edge that comes later, in samples, by"
-    return Cause("1", _one, lambda s, x: displaced(s, sample, x), said, small=0.01)
+    return Cause("1", _one, lambda s, x: move_edge(s, sample, x), said, small=0.01)
 
 
 def is_place(name: str) -> bool:
@@ -89,8 +89,8 @@ def edges(voltage: Vector, hidden: Collection[int] = ()) -> list[int]:
     return sorted([*found, *more]) if len(found) + len(more) <= MOST else found
 
 
-def displaced(s: Signals, sample: int, later: float) -> Signals:
-    """The edge before a sample of the record comes later by so many samples, with the volt-seconds that it brings."""
+def move_edge(s: Signals, sample: int, later: float) -> Signals:
+    """Move the edge before a sample of the record later by so many samples, with the volt-seconds that it brings."""
     k = sample - s.first
     if not 0 < k < len(s.halves):
         return s
@@ -102,8 +102,8 @@ def displaced(s: Signals, sample: int, later: float) -> Signals:
     return s._replace(halves=halves)
 
 
-def delayed(s: Signals, value: float) -> Signals:
-    """The voltage comes later by so many seconds; what was before the first sample is as that."""
+def delay_voltage(s: Signals, value: float) -> Signals:
+    """Delay the voltage by so many seconds; what was before the first sample is as that."""
     flat = s.halves.reshape(-1)
     at = np.arange(flat.size) - 2.0 * value / s.dt
     return s._replace(halves=np.interp(at, np.arange(flat.size), flat).reshape(-1, 2))
@@ -163,8 +163,8 @@ def falls(s: Signals, later: float = 0.0) -> Matrix:
     return np.where(on, 0.0, part.reshape(-1, 2))
 
 
-def switched(s: Signals, value: float) -> Signals:
-    """PWM has another mean than its samples, by so many volts."""
+def shift_pwm_mean(s: Signals, value: float) -> Signals:
+    """Shift the mean of PWM from its samples by so many volts."""
     pulses = is_switched(s.halves.reshape(-1), s.current.repeat(2))
     return s._replace(halves=s.halves - value * pulses.reshape(-1, 2))
 
@@ -183,7 +183,7 @@ def _one(s: Signals) -> float:
 
 
 CAUSES: Mapping[str, Cause] = {
-    "delay": Cause("s", lambda s: s.dt, delayed, "a current that is late, beside the voltage, by", small=1e-2),
+    "delay": Cause("s", lambda s: s.dt, delay_voltage, "a current that is late, beside the voltage, by", small=1e-2),
     "offset": Cause(
         unit="A",
         scale=lambda s: float(np.abs(s.current).max()),
@@ -196,7 +196,7 @@ CAUSES: Mapping[str, Cause] = {
     ),
     "drop": Cause("V", _volts, drop, "a drop while the current falls, of", is_positive=True),
     "eddy": Cause("S", lambda s: 1.0 / s.resistance, eddy, "eddy currents of a core with", is_positive=True),
-    "switched": Cause("V", _volts, switched, "a mean of the PWM that its samples do not tell, off by"),
+    "switched": Cause("V", _volts, shift_pwm_mean, "a mean of the PWM that its samples do not tell, off by"),
     "drift": Cause("1", _one, drift, "a coil that gets warm: its resistance grows during an operation, relatively, by"),
 }
 HIDDEN = {  # what no residual need show: other values of the parameters explain much the same; relative, but for volts

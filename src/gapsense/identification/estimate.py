@@ -119,7 +119,7 @@ def given_time(names: Collection[str], given: Mapping[str, Value], record: Recor
 
 def coarsen(record: Record, wanted: str | None, found: Mapping[str, Component], values: Mapping[str, Value]) -> Record:
     """Means of as few samples as all estimators that are wanted take; the record itself where none, or no means, do."""
-    asked = [c for name, c in found.items() if name.lower() in _asked(wanted)]
+    asked = [c for name, c in found.items() if name.lower() in _parse_names(wanted)]
     for size in range(1, MOST_MEANS):
         made = average_blocks(record, size) if size > 1 else record
         if not any(unfit(c, made, values) for c in asked):
@@ -138,8 +138,8 @@ def estimators(folder: Path) -> dict[str, Component]:
     return {c.name: c for c in found if needs[c.name] <= {"voltage", "current", *REMEDY}}
 
 
-def _asked(wanted: str | None) -> list[str]:
-    """Names of estimators, as they are compared."""
+def _parse_names(wanted: str | None) -> list[str]:
+    """Parse names of estimators, as they are compared."""
     return [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else []
 
 
@@ -152,7 +152,7 @@ def choose_estimators(
     wanted cannot.
     """
     plain = {name.lower(): name for name in found}
-    asked = _asked(wanted) or list(plain)
+    asked = _parse_names(wanted) or list(plain)
     if unknown := [word for word in asked if word not in plain]:
         raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(found)}.")
     reasons = {}
@@ -165,8 +165,8 @@ def choose_estimators(
     return [name for name, reason in reasons.items() if not reason], refused
 
 
-def placed(record: Record, values: Mapping[str, Value]) -> Record:
-    """The record as `Mhe` is to have it: with edges of the voltage where its currents tell."""
+def with_placed_edges(record: Record, values: Mapping[str, Value]) -> Record:
+    """Give the record that `Mhe` is to have: with edges of the voltage where its currents tell."""
     mhe = own("mhe")
     names = [port.name for port in load_component(mhe).of("parameter")]
     return place_edges(record, kernel_parameters(mhe, values_for(names, values)))
@@ -294,7 +294,7 @@ def _wrong(told: Truth, estimate: Estimate) -> Iterator[str]:
         off = rms(outputs["flux_linkage"][at] - told.flux_linkage) / rms(told.flux_linkage)
         if off > FAR["flux linkage"]:
             yield f"its flux linkage is {_percent(off)} off that of the record, (21), in the last operation"
-    off = unexplained(told, estimate)
+    off = compute_misfit(told, estimate)
     if off > FAR["current"]:
         yield f"its model leaves {_percent(off)} of the current unexplained in the last operation"
     if "windows" in outputs and told.resistance is not None and float(outputs["windows"][-1]) == 0.0:
@@ -308,8 +308,8 @@ def _wrong(told: Truth, estimate: Estimate) -> Iterator[str]:
         yield "its `health` is 0 most of the time in the last operation"
 
 
-def unexplained(told: Truth, estimate: Estimate) -> float:
-    """RMS of what the model does not predict of the current, beyond noise, relative to the current."""
+def compute_misfit(told: Truth, estimate: Estimate) -> float:
+    """Compute the RMS of what the model does not predict of the current, beyond noise, relative to the current."""
     names = [name for name in ("innovation", "current_error") if estimate.units.get(name) == "A"]
     most = max((rms(estimate.outputs[name][told.samples]) for name in names), default=0.0)
     return float(np.sqrt(max(most**2 - told.noise**2, 0.0))) / max(rms(told.current), 1e-300)

@@ -18,17 +18,17 @@ from gapsense.identification.coil.show import coil_errors, coil_tables, write_co
 from gapsense.identification.gap_law.laws import Law
 from gapsense.identification.measurements.operations import operations
 from gapsense.identification.measurements.reading import read_records
-from gapsense.identification.measurements.record import Reading, Record, between, part
+from gapsense.identification.measurements.record import Reading, Record, part, with_convention
 from gapsense.identification.options import AUTO, CONVENTIONS, FORMS, PLAIN, SHARP
 from gapsense.identification.parameter_set import parameters_of
 from gapsense.identification.residual import noises
-from gapsense.identification.scale import scaled
-from gapsense.identification.show import measured_and_model, untold
+from gapsense.identification.scale import find_tuning
+from gapsense.identification.show import measured_and_model, say_what_is_exact
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
 from gapsense.identification.valve import show
 from gapsense.identification.valve.driver import OHMS, Driver, doubt_resistance, driver_notes, read_driver
 from gapsense.identification.valve.fit import Identified, fit_valve
-from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, missing, needed, plain
+from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, find_needed, missing, plain
 from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, find_gap, keep_law
 from gapsense.identification.valve.model import check_guess, take_out_causes
 from gapsense.problems import InputError
@@ -36,8 +36,8 @@ from gapsense.problems import InputError
 FIELDS = (*FITTED, *SCALES.values(), "gap_window", *LOSSES)  # that may be sought, and so may be held
 
 
-def sought(forms: str, hold: Sequence[str], known: show.Known, accuracy: Mapping[str, float]) -> Sought:
-    """From the values of `--forms` and `--hold`, names with commas between; a ValueError tells what is wrong."""
+def parse_sought(forms: str, hold: Sequence[str], known: show.Known, accuracy: Mapping[str, float]) -> Sought:
+    """Parse the values of `--forms` and `--hold`, names with commas between; a ValueError tells what is wrong."""
     tried = {AUTO: FORMS, PLAIN: ()}.get(forms, tuple(split_names([forms])))
     names = {show.PORTS[field].name: field for field in FIELDS}
     for name in tried:
@@ -132,7 +132,7 @@ def read(
 ) -> Given:
     """Read all files, as the options of the command say; an error tells what is wrong with them or with an option."""
     known, drive = show.read_known(parameters), read_driver(driver, accuracy)
-    seeking = sought(forms, hold, known, drive.accuracy)
+    seeking = parse_sought(forms, hold, known, drive.accuracy)
     records = with_temperatures(temperature, read_records(data, how, period))
     is_open = how.convention == AUTO and not all(record.is_mean for record in records)
     return Given(
@@ -233,15 +233,15 @@ def finish_valve(given: Given, start: Gap, result: Identified, told: Sequence[st
     records, R = start.records, result.resistance
     coefficient = temperature.coefficient(records, result.fluxes)
     convention = result.convention or given.convention
-    kept = [between(record._replace(drive=result.drive), convention) for record in given.kept]
+    kept = [with_convention(record._replace(drive=result.drive), convention) for record in given.kept]
     checks = show.validate_valve(result.parameters, kept, coefficient)
     notes = [*driver_notes(result.drive), *temperature_notes(R, coefficient)]
-    tuning = {**noises(records), **scaled(records, result.models, result.residuals, parameters_of("mhe", None))}
+    tuning = {**noises(records), **find_tuning(records, result.models, result.residuals, parameters_of("mhe", None))}
     show.write_valve(to, result, keep_law(given.known, result, to), given.sources, tuning, notes)
     doubts = doubt_resistance(R, given.known.resistance, given.drive.accuracy.get(OHMS))
     is_sound = result.is_explained and not doubts
-    stops = [show.PORTS[field].name for field in needed(result.form) if field not in result.assumed]
-    said = untold(stops, given.drive.accuracy, " `--accuracy` puts what is known of them into the errors.")
+    stops = [show.PORTS[field].name for field in find_needed(result.form) if field not in result.assumed]
+    said = say_what_is_exact(stops, given.drive.accuracy, " `--accuracy` puts what is known of them into the errors.")
     doubts = [*doubts, *([said] if said else [])]
     tables = [*start.told, *show.valve_tables(result, records, checks), *describe_gap(result, records)]
     return Finished(
@@ -258,7 +258,7 @@ def finish_coil(given: Given, result: Coil, told: Sequence[str], to: Path) -> Fi
     checks = [validate_coil(result, record) for record in kept]
     turns = given.known.parameters.coil_turns if "coil_turns" in given.known.given else 0.0
     write_coil(to, result, turns, given.sources)
-    said = untold((), given.drive.accuracy)
+    said = say_what_is_exact((), given.drive.accuracy)
     return Finished(
         shown=[*coil_tables(result, turns, checks), *([said] if said else []), *told],
         figure=lambda: measured_and_model(TITLE, [*zip(result.records, result.models)], checks, shows_flux=True),

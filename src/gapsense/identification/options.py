@@ -110,8 +110,8 @@ def key(function: str, name: str) -> str:
     return own if (own := f"{function}.{name}") in OPTIONS else name
 
 
-def documented(function: Function) -> Function:
-    """The function with its arguments in its docstring, before what it returns, and at its end what it raises."""
+def document_arguments(function: Function) -> Function:
+    """Put the arguments of a function into its docstring, before what it returns, and at its end what it raises."""
     told = ["Parameters\n----------"]
     for name, argument in signature(function).parameters.items():
         option = OPTIONS[key(function.__name__, name)]

@@ -78,18 +78,18 @@ def _line(entry: Entry, file: Path) -> str:
     return f"{json.dumps(name)} = {json.dumps(value)}" + (f"  # {note}" if note else "")
 
 
-def rounded(value: Value) -> Value:
-    """A number with as many digits as mean something; all else as it is."""
+def round_value(value: Value) -> Value:
+    """Round a number to as many digits as mean something; all else stays as it is."""
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def error_note(error: float | None, is_poor: bool = False) -> str:
     """What is said of a value with a standard error."""
-    return "" if error is None else f"+- {percent(error)}" + ", not identified" * is_poor
+    return "" if error is None else f"+- {format_error(error)}" + ", not identified" * is_poor
 
 
-def percent(error: float) -> str:
-    """A relative standard error, if there is one: at a limit of a search, and without any effect, there is none."""
+def format_error(error: float) -> str:
+    """Write a relative standard error; at a limit of a search, and without any effect, there is none."""
     return f"{100.0 * error:.2g} %" if math.isfinite(error) else "unknown"
 
 

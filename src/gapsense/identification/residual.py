@@ -72,7 +72,7 @@ def residual(record: Record, model: Trajectory, first: int) -> Residual:
     """What the model, which begins at sample `first`, leaves of a record."""
     i, error = record.current[first:], record.current[first:] - model.current
     squares, where = error**2, _places(record, model, first)
-    sigma = float(np.hypot(noise_of(record, first), _driven(record, model, first, where["hold"])))
+    sigma = float(np.hypot(noise_of(record, first), _estimate_drive_noise(record, model, first, where["hold"])))
     left, limit = rms(error), max(EXPLAINED * sigma, _floor(i))
     found = hum(record) if left > limit else None
     places = {name: float(squares[at].sum() / squares.sum()) for name, at in where.items()}
@@ -94,8 +94,8 @@ def noise_of(record: Record, first: int) -> float:
     return float(max(noise(i), hidden(i), coarse(i), i[:first].std() if first >= REST else 0.0))
 
 
-def _driven(record: Record, model: Trajectory, first: int, hold: npt.NDArray[np.bool_]) -> float:
-    """Noise that the recorded voltage, of a coarse converter above all, makes in the model's current while held [A]."""
+def _estimate_drive_noise(record: Record, model: Trajectory, first: int, hold: npt.NDArray[np.bool_]) -> float:
+    """Estimate the noise that the voltage of a coarse converter makes in the model's current while held [A]."""
     a, b = _longest(hold)
     if b - a < 2 * REST:
         return 0.0

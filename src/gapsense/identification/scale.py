@@ -32,10 +32,10 @@ DRIFT = 8e-3  # of the voltage: what is wrong of its integral
 MEMORY = 0.66e-3  # s; with which they forget an error of the current
 
 
-def scaled(
+def find_tuning(
     records: Sequence[Record], models: Sequence[Trajectory], residuals: Sequence[Residual], known: Parameters
 ) -> dict[str, float]:
-    """Parameters of `Mhe` that differ from those that are known, by name."""
+    """Find the parameters of `Mhe` that differ from those that are known, by name."""
     largest = max(float(np.abs(record.current).max()) for record in records)
     left = [float(np.sqrt(r.rms**2 - r.noise**2)) for r in residuals if not r.is_explained]
     dt, spans = records[0].dt, [spans_of(record, model) for record, model in zip(records, models)]

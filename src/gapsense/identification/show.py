@@ -55,8 +55,8 @@ def about(*records: Record) -> Iterator[str]:
         yield from (f"{record.name}: {text}" for text in record.remarks)
 
 
-def untold(given: Collection[str], accuracy: Collection[str] = (), how: str = "") -> str:
-    """Sentence on what no residual tells and standard errors take for exact: scales, and values that were given."""
+def say_what_is_exact(given: Collection[str], accuracy: Collection[str] = (), how: str = "") -> str:
+    """Say what no residual tells and standard errors take for exact: scales, and values that were given."""
     values = [f"`{name}`" for name in given if name not in accuracy]
     scales = [f"the scale of the {name}" for name in ("voltage", "current") if name not in accuracy]
     if not (names := [*scales, *values]):

@@ -65,24 +65,24 @@ class Excitation(NamedTuple):
         at[self.edges] += np.clip(places, -0.5, 0.5)
         return means(self.halves[1:], at[1:], self.parts).ravel()
 
-    def moved(self, places: Vector, by: Vector) -> Matrix:
-        """The same, (steps, edges), if one edge alone is moved by so much."""
+    def move_each_edge(self, places: Vector, by: Vector) -> Matrix:
+        """Move each edge alone by so much: the voltages, (steps, edges)."""
         volts = np.repeat(self.voltage(places)[:, None], self.edges.size, axis=1)
         at = 0.5 + np.clip(places + by, -0.5, 0.5)
         rows = (self.edges[:, None] - 1) * self.parts + np.arange(self.parts)
         volts[rows, np.arange(self.edges.size)[:, None]] = means(self.halves[self.edges], at, self.parts)
         return volts
 
-    def shortened(self, share: float) -> Excitation:
-        """Its first part."""
+    def shorten_to(self, share: float) -> Excitation:
+        """Keep the first part only."""
         n = max(round(share * self.current.size), BEFORE + 1)
         return self._replace(
             current=self.current[:n], halves=self.halves[:n], edges=self.edges[self.edges < n], weights=self.weights[:n]
         )
 
-    def counted(self, share: float) -> Excitation:
-        """Only the first part counts; so the model of each part is the same code."""
-        part = self.shortened(share)
+    def count_only_first(self, share: float) -> Excitation:
+        """Let only the first part count; so the model of each part is the same code."""
+        part = self.shorten_to(share)
         return self._replace(edges=part.edges, weights=np.pad(part.weights, (0, self.weights.size - part.weights.size)))
 
 

@@ -13,7 +13,7 @@ from gapsense.identification.actuator.drive import Excitation, read_excitation
 from gapsense.identification.actuator.fit import BESIDE, ENOUGH, LONGEST, Problem, is_fitted, simulate, with_bend
 from gapsense.identification.least_squares import Vector, minimise, rms
 from gapsense.identification.measurements.operations import starts
-from gapsense.identification.measurements.record import Record, between
+from gapsense.identification.measurements.record import Record, with_convention
 from gapsense.identification.measurements.signals import ANYWHERE
 
 DOUBTED = {  # fields that go with the places, and what `Mhe` knows of them before its first window
@@ -33,12 +33,12 @@ EXPLAINED = 4.0  # mean square of what is left, in that of noise and model's err
 
 def place_edges(record: Record, known: Parameters) -> Record:
     """The record with the mean voltages that its currents tell, if that matters and they do; a remark says so."""
-    read, par = between(record, "trapezoid"), with_bend(known)
+    read, par = with_convention(record, "trapezoid"), with_bend(known)
     if record.is_mean or read.slow or not starts(read):
         return record
     whole = read_excitation(read, known)
     last = whole.edges[MOST] if whole.edges.size > MOST else whole.current.size
-    drive = whole.shortened(last / whole.current.size)
+    drive = whole.shorten_to(last / whole.current.size)
     if not drive.edges.size or whole.is_too_fast:
         return record
     off = shift(par, drive, np.zeros(drive.edges.size), np.full(drive.edges.size, 0.5))

@@ -148,7 +148,7 @@ def slopes(pars: Sequence[simulated.Parameters], drive: Excitation, places: Vect
     by = np.where(places > 0.0, -PLACE_STEP, PLACE_STEP)  # inwards
     volts = np.repeat(drive.voltage(places)[:, None], len(pars), axis=1)
     models = [*pars, *[pars[0]] * places.size]
-    at, *others = -drive.weights * sampled_currents(models, drive, np.hstack([volts, drive.moved(places, by)]))
+    at, *others = -drive.weights * sampled_currents(models, drive, np.hstack([volts, drive.move_each_edge(places, by)]))
     off = (np.array(others) - at).T
     each = off[:, len(pars) - 1 :] / by
     return off[:, : len(pars) - 1] / STEP, np.hstack([-drive.weights[:, None], each.sum(axis=1, keepdims=True), each])
@@ -158,10 +158,10 @@ def parameters_at(p: Problem, x: Vector) -> simulated.Parameters:
     """What is known, multiplied by factors."""
     factors = dict(zip(p.names, np.exp(x[: len(p.names)]).tolist()))
 
-    def scaled(part: Any) -> Any:
+    def apply_factors(part: Any) -> Any:
         return part._replace(**{n: getattr(part, n) * factors[n] for n in part._fields if n in factors})
 
-    return simulated.Parameters(scaled(p.known), scaled(p.beyond))
+    return simulated.Parameters(apply_factors(p.known), apply_factors(p.beyond))
 
 
 def sampled_currents(pars: Sequence[simulated.Parameters], drive: Excitation, volts: Matrix) -> Matrix:
@@ -366,7 +366,7 @@ def search(
     for k, share in enumerate(shares):
         progress(k, len(shares) + 1)
         free = [j for j, name in enumerate(every.names) if k or name in ELECTRIC]
-        parts = [d.counted(share) if in_pieces else d.shortened(share) for d in every.drives]
+        parts = [d.count_only_first(share) if in_pieces else d.shorten_to(share) for d in every.drives]
         part = every._replace(names=[every.names[j] for j in free], drives=parts)
         at = np.array([*free, *places_sought(every.drives, parts, len(every.names))])
         count = sum(np.count_nonzero(d.weights) for d in parts)
@@ -386,13 +386,13 @@ def in_step(p: Problem, x: Vector) -> tuple[Problem, Vector]:
     for columns in p.columns:
         at[columns.start + BESIDE : columns.stop] = 0.0
     at = minimise(alike, at, LONGEST, ENOUGH).point
-    after, before = (unexplained(p, point) for point in (at, x))
+    after, before = (sum_squares(p, point) for point in (at, x))
     edges = sum(d.edges.size for d in p.drives)
     return (alike, at) if after - before < CHANCE * edges else (p, x)
 
 
-def unexplained(p: Problem, x: Vector) -> float:
-    """Squares of what is left of the currents, in noises."""
+def sum_squares(p: Problem, x: Vector) -> float:
+    """Sum the squares of what is left of the currents, in noises."""
     (r,), first, total = p.residuals([x]), 0, 0.0
     for one in p.drives:
         part = r[first : (first := first + one.current.size)]
@@ -424,12 +424,12 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     has_law = "gap_window" in p.names or p.known.gap_law == GapLaw.table
     law_moves: Matrix = np.zeros((n, 0))
 
-    def weighted(known: Parameters) -> Vector:
+    def weigh_currents(known: Parameters) -> Vector:
         runs = zip(p.drives, places)
         return np.concatenate([d.weights * simulate(known, d, at, beyond=found.beyond).current for d, at in runs])
 
     if has_law and p.beyond.core_power and all(r.is_explained for r in residuals):
-        law_moves = np.asarray(np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(found.known, weighted).T))[:n]
+        law_moves = np.asarray(np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(found.known, weigh_currents).T))[:n]
     return Commissioned(
         parameters=found.known,
         beyond=found.beyond,

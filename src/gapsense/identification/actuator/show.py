@@ -30,11 +30,11 @@ from gapsense.identification.actuator.fit import (
 from gapsense.identification.actuator.kernel import Beyond
 from gapsense.identification.assumptions import list_values, meanings, scale
 from gapsense.identification.least_squares import Matrix
-from gapsense.identification.parameter_set import Entry, error_note, percent, rounded, write_set
+from gapsense.identification.parameter_set import Entry, error_note, format_error, round_value, write_set
 from gapsense.identification.residual import LEAST as LEAST_NOISE
 from gapsense.identification.residual import noises, verdict
-from gapsense.identification.scale import scaled
-from gapsense.identification.show import Validation, about, measured_and_model, untold, validation
+from gapsense.identification.scale import find_tuning
+from gapsense.identification.show import Validation, about, measured_and_model, say_what_is_exact, validation
 from gapsense.identification.valve.model import Trajectory
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
@@ -111,7 +111,7 @@ def complete(result: Commissioned, given: Mapping[str, Value]) -> dict[str, Valu
     sharp = sharp_knee(result) if result.beyond.core_power else {name: 0.0 for name in SHARP[:1] if name in given}
     result, _ = with_usual_knee(result)
     models = [at_rest(m, result.parameters) if result.beyond.contact_stiffness else m for m in result.models]
-    tuning = scaled([d.record for d in result.drives], models, result.residuals, result.parameters)
+    tuning = find_tuning([d.record for d in result.drives], models, result.residuals, result.parameters)
     law = {"stop.law": "elastic"} if result.beyond.contact_stiffness else {}
     law |= {"stop.law": "hard"} if "stop_restitution" in result.names else {}
     return {"sample_time": dt, **device(result.parameters), **tuning, **given, **law, **found_values(result), **sharp}
@@ -152,7 +152,7 @@ def write_actuator(
         file,
         "Reluctance actuator, commissioned",
         origin,
-        [Entry(name, rounded(value), error_note(errors.get(name))) for name, value in values.items()],
+        [Entry(name, round_value(value), error_note(errors.get(name))) for name, value in values.items()],
         assumed=[name for name in assumed if name in values],
     )
 
@@ -201,12 +201,12 @@ def actuator_tables(
         else:
             name, unit = PORTS[field].name, PORTS[field].unit
             values = [quantity(float(getattr(par, field)), unit) for par in (before, result.parameters)]
-        rows.append((name, *values, percent(error), "assumed" if name in assumed else note))
+        rows.append((name, *values, format_error(error), "assumed" if name in assumed else note))
     return [
         table("Parameters", HEADS, rows),
         *([validation(checks)] if checks else []),
         *assumptions(known, assumed),
-        untold([name for name in (*ENDS, "coil.turns") if name not in assumed]),
+        say_what_is_exact([name for name in (*ENDS, "coil.turns") if name not in assumed]),
         *remarks(result, before),
         *about(*(drive.record for drive in result.drives), *(check.record for check in checks)),
     ]
@@ -226,7 +226,7 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
     is_other = bool(result.beyond.core_power)
     if is_other or (set(result.names) & {*STOPS, *REBOUND}):
-        said.append(asked(result))
+        said.append(describe_additions(result))
     said += [
         f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
         " is a guess. Do not rely on values and standard errors. Sample faster, or sample a filtered mean."
@@ -268,8 +268,8 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     return said
 
 
-def asked(result: Commissioned) -> str:
-    """What the records have asked for beside the usual numbers, and who has it."""
+def describe_additions(result: Commissioned) -> str:
+    """Say what the records have asked for beside the usual numbers, and who has it."""
     (_, left), n = with_usual_knee(result), result.beyond.core_power
     told = {
         "gap_window": "a leak beside the gap (`gap.window`)",

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from gapsense.identification.coil.fit import POOR, Coil
 from gapsense.identification.measurements.operations import mean_resistance, operations
-from gapsense.identification.parameter_set import Entry, error_note, rounded, write_set
+from gapsense.identification.parameter_set import Entry, error_note, round_value, write_set
 from gapsense.identification.residual import noises, verdict
 from gapsense.identification.show import TWO_SIDED, Validation, about, validation
 from gapsense.report.table import quantity, table
@@ -53,7 +53,7 @@ def write_coil(file: Path, result: Coil, turns: float, sources: Sequence[Path]) 
         file,
         "Coil without motion, identified",
         f"gapsense identify {' '.join(source.name for source in sources)}",
-        [entry._replace(value=rounded(entry.value)) for entry in entries],
+        [entry._replace(value=round_value(entry.value)) for entry in entries],
         assumed=[] if turns else ["coil.turns"],
     )
 

@@ -84,7 +84,7 @@ def reduce(points: Solved, turns: float, form: str | None = None) -> Reduced:
     """The reduced model nearest to the points: relative errors of current and force, by Schwarz's criterion."""
     gaps = np.unique(points.gap)
     found = [
-        fit(points, turns, each, degree, spaced(gaps, float(gaps[0]), float(gaps[-1]), pieces, degree))
+        fit(points, turns, each, degree, space_knots(gaps, float(gaps[0]), float(gaps[-1]), pieces, degree))
         for each in (FORMS if form is None else [form])
         for degree, pieces in LAWS
         if degree + pieces < gaps.size
@@ -107,8 +107,8 @@ def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> 
     fixed = np.vstack((fixed, np.column_stack((np.zeros(len(pull)), pull))))
     Q = np.linalg.qr(fixed).Q  # once: all but the column of the core stay
 
-    def solved(logarithm: float) -> tuple[Vector, float]:
-        """Factors for a saturation of this logarithm, and the squares that they leave."""
+    def solve_factors(logarithm: float) -> tuple[Vector, float]:
+        """Solve the factors for a saturation of this logarithm, and the squares that they leave."""
         column = lam * bend(lam / np.exp(logarithm), form)[0] / (turns**2 * scale(points.current))
         column = np.append(column, np.zeros(len(pull)))
         other = column - Q @ (Q.T @ column)
@@ -120,8 +120,8 @@ def fit(points: Solved, turns: float, form: str, degree: int, knots: Vector) -> 
         return factors, float(((columns @ factors - values) ** 2).sum()) + max(beside, 0.0)
 
     spans = np.log(lam.max() * np.geomspace(1.0 / SATURATED, FARTHEST, 30))
-    at = lowest(lambda x: solved(x)[1], spans)
-    (core, offset, *slopes), cost = solved(at)[0].tolist(), solved(at)[1]
+    at = lowest(lambda x: solve_factors(x)[1], spans)
+    (core, offset, *slopes), cost = solve_factors(at)[0].tolist(), solve_factors(at)[1]
     fine = np.linspace(knots[0], knots[-1], SLOPES)
     rise = splines(knots, fine, degree=degree) @ slopes
     law = Law("slopes", offset, tuple(np.maximum(rise, LEAST * rise.max()).tolist()), tuple(fine.tolist()))
@@ -157,8 +157,8 @@ def splines(knots: Vector, x: Vector, order: int = 0, degree: int = 3) -> Matrix
     return np.asarray(made(x))
 
 
-def spaced(x: Vector, low: float, high: float, most: int, degree: int = 3) -> Vector:
-    """Knots from `low` to `high` with about as many values between two of them."""
+def space_knots(x: Vector, low: float, high: float, most: int, degree: int = 3) -> Vector:
+    """Space knots from `low` to `high` with about as many values between two of them."""
     count = max(1, min(most, np.unique(np.round(x, 12)).size - 2))
     inner = np.unique(np.quantile(np.unique(x), np.linspace(0.0, 1.0, count + 1)))[1:-1]
     inside = inner[(inner > low) & (inner < high)]
@@ -171,8 +171,8 @@ def smooth(points: Solved, base: Reduced, low: float, high: float, has_force: bo
     most = (PIECES[0] if not points.has_one_current else 2, PIECES[1])
     made = Surface(
         base=base,
-        flux_knots=spaced(lam, 0.0, float(lam.max()), most[0]),
-        gap_knots=spaced(h, min(low, float(h.min())), max(high, float(h.max())), most[1]),
+        flux_knots=space_knots(lam, 0.0, float(lam.max()), most[0]),
+        gap_knots=space_knots(h, min(low, float(h.min())), max(high, float(h.max())), most[1]),
         factors=np.zeros((0, 0)),
     )
     modelled, steep = current(base, lam, h)
@@ -187,7 +187,7 @@ def smooth(points: Solved, base: Reduced, low: float, high: float, has_force: bo
     root = cholesky(penalty(*shape), lower=True)
     errors = [max(rms(part), CERTAIN) for part in left]
     for _ in range(3):  # how certain flux linkage and force are follows from what is left of each
-        found = penalised(rows, left, errors, root)
+        found = solve_penalised(rows, left, errors, root)
         errors = [max(error, CERTAIN) for error in found.errors]
     while True:
         made = made._replace(
@@ -237,8 +237,8 @@ class Penalised(NamedTuple):
         return float((self.values / (self.values + penalty)).sum())
 
 
-def penalised(rows: list[Matrix], left: list[Vector], errors: list[float], root: Matrix) -> Penalised:
-    """Of several kinds of data with errors of their own; `root` times its transpose is the penalty."""
+def solve_penalised(rows: list[Matrix], left: list[Vector], errors: list[float], root: Matrix) -> Penalised:
+    """Solve for several kinds of data with errors of their own; `root` times its transpose is the penalty."""
     A = np.vstack([part / error for part, error in zip(rows, errors)])
     r = np.concatenate([part / error for part, error in zip(left, errors)])
     B = solve_triangular(root, A.T, lower=True)
@@ -253,13 +253,13 @@ def penalised(rows: list[Matrix], left: list[Vector], errors: list[float], root:
         weights=[1.0 / e for e in errors],
     )
 
-    def foretold(penalty: float) -> float:
+    def cross_validate(penalty: float) -> float:
         shares = 1.0 / (values + penalty)
         misfit = r @ r - (found.along**2 * shares * (2.0 - values * shares)).sum()
         return float(misfit / max(1.0 - found.freedom(penalty) / r.size, TINY) ** 2)
 
     sizes = values.max() * np.geomspace(1e-9, 1e3, 49)
-    best = float(sizes[int(np.argmin([foretold(size) for size in sizes]))])
+    best = float(sizes[int(np.argmin([cross_validate(size) for size in sizes]))])
     found, made = found._replace(penalty=best), list[float]()
     for part, rest, error in zip(rows, left, errors):
         used = float(((part / error @ found.directions) ** 2 / (values + best)).sum())
@@ -279,12 +279,12 @@ class Map(NamedTuple):
         """Whether the current rises with the flux linkage and with the gap, between the rows too."""
         lam, i = self.flux_linkage, self.current
         odd = CubicSpline([*-lam[:0:-1], *lam], np.hstack((-i[:, :0:-1], i)), axis=1)
-        fine = CubicSpline(self.gap, odd(refined(lam)), axis=0)(refined(self.gap))
+        fine = CubicSpline(self.gap, odd(refine_values(lam)), axis=0)(refine_values(self.gap))
         return bool((np.diff(fine, axis=1) > 0.0).all() and (np.diff(fine[:, 1:], axis=0) > 0.0).all())
 
 
-def refined(x: Vector) -> Vector:
-    """With more values between."""
+def refine_values(x: Vector) -> Vector:
+    """Refine with more values between."""
     return np.interp(np.linspace(0.0, x.size - 1.0, FINE * (x.size - 1) + 1), np.arange(x.size), x)
 
 

@@ -112,7 +112,7 @@ def read_solved(path: Path, how: Reading, given: Given) -> Solved:
         raise InputError(problems)
     unused = [name for k, name in enumerate(sheet.names) if k not in [column.place for column in used]]
     told = [f"{sheet.path}: left out, for nothing here needs it: {listing(unused)}."] if unused else []
-    return attracted(found._replace(remarks=(*found.remarks, *told)))
+    return make_attractive(found._replace(remarks=(*found.remarks, *told)))
 
 
 def read_heads(path: Path, how: Reading, problems: list[str]) -> Sheet:
@@ -411,8 +411,8 @@ def pushing(found: Solved) -> list[str]:
     ]
 
 
-def attracted(found: Solved) -> Solved:
-    """Forces that close the gap: a program may count them along another axis."""
+def make_attractive(found: Solved) -> Solved:
+    """Make forces close the gap: a program may count them along another axis."""
     if found.force is None or found.force.sum() <= 0.0:
         return found
     told = (

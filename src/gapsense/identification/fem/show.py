@@ -32,9 +32,16 @@ from gapsense.identification.fem.reading import Solved, neighbours
 from gapsense.identification.gap_law.laws import Vector, rows
 from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.record import Columns, Record, to_record
-from gapsense.identification.parameter_set import Entry, parameter_names, rounded, table_file, write_set, write_table
+from gapsense.identification.parameter_set import (
+    Entry,
+    parameter_names,
+    round_value,
+    table_file,
+    write_set,
+    write_table,
+)
 from gapsense.identification.residual import Residual
-from gapsense.identification.scale import process_noise, scaled, spans_of, untold_losses
+from gapsense.identification.scale import find_tuning, process_noise, spans_of, untold_losses
 from gapsense.identification.valve.model import Trajectory
 from gapsense.problems import listing
 from gapsense.report.plot import SECOND, TRUE, legend, panels
@@ -234,14 +241,14 @@ def write_fem(file: Path, m: Models, given: Mapping[str, Value], origin: str, as
         file,
         "Actuator from a table of finite elements",
         origin,
-        [Entry(name, rounded(value)) for name, value in {**kept, **found}.items()],
+        [Entry(name, round_value(value)) for name, value in {**kept, **found}.items()],
         assumed=assumed,
     )
     return [gap, plant]
 
 
-def untold(tuning: Mapping[str, float], given: Mapping[str, Value], assumed: Sequence[str]) -> dict[str, float]:
-    """Tuning that nobody has given; what was assumed before is made anew."""
+def drop_given(tuning: Mapping[str, float], given: Mapping[str, Value], assumed: Sequence[str]) -> dict[str, float]:
+    """Drop what was given from a tuning; what was assumed before is made anew."""
     return {name: value for name, value in tuning.items() if name not in given or name in assumed}
 
 
@@ -283,7 +290,7 @@ def windows(m: Models, given: Mapping[str, Value], volts: float | None) -> tuple
         found = trial(par, volts) or found
     error = rms(left_of(m.points, m.reduced).current)
     left = Residual("trial", rms=error, noise=0.0, limit=0.0, correlation=0.0, places={}, hum=None)
-    tuning = scaled([found[0]], [found[1]], [left], par)
+    tuning = find_tuning([found[0]], [found[1]], [left], par)
     told = (
         f"At {at} the reduced model moves for {quantity(motion, 's')} and lands {quantity(landing, 's')} after an edge:"
         f" from that are windows and error of `Mhe`, with samples every {quantity(dt, 's')}."

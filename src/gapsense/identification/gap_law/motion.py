@@ -46,7 +46,7 @@ class Trial(NamedTuple):
 
 def scale_law(samples: Measured, turns: float, known: Law) -> Trial:
     """A law whose form is known, and its scale alone is not."""
-    found = _summed(samples, turns, total(known, samples.gap)[:, None], False)
+    found = _fit_sum(samples, turns, total(known, samples.gap)[:, None], False)
     return Trial(
         law=known._replace(name=KNOWN),
         core_reluctance=found.core,
@@ -94,7 +94,7 @@ class Sum(NamedTuple):
 
 def _slopes(samples: Measured, turns: float, knots: Vector, has_offset: bool) -> Trial:
     """Slopes at knots; a single one is the linear law."""
-    found = _summed(samples, turns, basis(knots, samples.gap), has_offset)
+    found = _fit_sum(samples, turns, basis(knots, samples.gap), has_offset)
     least = LEAST * max(found.gap)  # so that a factor can change it
     numbers = tuple(max(slope, least) for slope in found.gap)
     name, at = (f"{knots.size} slopes", tuple(knots.tolist())) if has_offset else ("linear", ())
@@ -108,20 +108,20 @@ def _slopes(samples: Measured, turns: float, knots: Vector, has_offset: bool) ->
     )
 
 
-def _summed(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> Sum:
-    """The sum of columns of the gap's reluctance, and of the core's with the saturation that suits best."""
+def _fit_sum(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> Sum:
+    """Fit the sum of columns of the gap's reluctance, and of the core's with the saturation that suits best."""
     flux = samples.flux_linkage / turns**2
     others = np.column_stack((*([flux] if has_offset else []), gap * flux[:, None]))
 
-    def fitted(logarithm: float) -> tuple[Vector, Vector]:
+    def fit_factors(logarithm: float) -> tuple[Vector, Vector]:
         core = flux * _saturation(samples.flux_linkage, float(np.exp(logarithm)))
         columns = np.column_stack((core, others))
         factors = not_negative(columns, samples.current)
         return factors, samples.current - columns @ factors
 
     spans = np.log(np.geomspace(1.0 + 1e-3, FARTHEST, 25) * np.abs(samples.flux_linkage).max())
-    at = lowest(lambda x: square(fitted(x)[1]), spans)
-    factors, left = fitted(at)
+    at = lowest(lambda x: square(fit_factors(x)[1]), spans)
+    factors, left = fit_factors(at)
     core, offset, *rest = factors.tolist() if has_offset else (factors[0], 0.0, *factors[1:])
     return Sum(
         core=float(core), saturation=float(np.exp(at)), offset=float(offset), gap=[float(x) for x in rest], left=left

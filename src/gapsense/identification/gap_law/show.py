@@ -15,7 +15,7 @@ from rich.table import Table
 from gapsense.actuators.magnetics import MU_0
 from gapsense.identification.gap_law.laws import Candidate, Law, Vector, jackknife, reluctance, rows, total
 from gapsense.identification.gap_law.table import Inductances, remarks
-from gapsense.identification.parameter_set import GAPS, Entry, rounded, write_set, write_table
+from gapsense.identification.parameter_set import GAPS, Entry, round_value, write_set, write_table
 from gapsense.report.plot import SECOND, TRUE, legend, stack
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
@@ -66,7 +66,7 @@ def write_gap_law(
         file,
         "Gap law from measured inductances",
         origin,
-        [Entry(name, rounded(value)) for name, value in {**kept, **found}.items()],
+        [Entry(name, round_value(value)) for name, value in {**kept, **found}.items()],
         assumed=[*dict.fromkeys(assumed)],
     )
     return [file, *([table] if "gap.file" in found else [])]

@@ -326,7 +326,7 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
         signals={name: signal(x, rest) for name, x in raw.items()},
         levels=levels(record.voltage),
         pulses=pulses(record, found, switched.carrier),
-        begun=begun(record, found, switched.carrier),
+        begun=find_begun(record, found, switched.carrier),
         path=switched,
         lag=lag(record, found),
         clipped=[] if may_clip else [text for name in raw for text in clipping(measured, name)],
@@ -337,8 +337,8 @@ def facts(record: Record, period: float | None = None, may_clip: bool = False) -
     )
 
 
-def begun(record: Record, found: list[Operation], switched: Carrier | None) -> list[Begun]:
-    """Operations that do not end, or not as they begin."""
+def find_begun(record: Record, found: list[Operation], switched: Carrier | None) -> list[Begun]:
+    """Find operations that do not end, or not as they begin."""
     sigma, ends = max(noise(record.current), hidden(record.current)), [end for _, end in activities(record)]
     last = record.times.size - 1
     left = [Operation(a, min(b, last)) for a, b in zip(starts(record), ends) if not found or a >= found[-1].stop]

@@ -212,7 +212,7 @@ def operation_problems(record: Record, file: str, period: float | None) -> Itera
                 " equal currents are expected for (23). Leave the voltage off for longer, or give the period with "
                 "`--period` in s."
             )
-    yield from _reversed(record, file, found)
+    yield from _check_signs(record, file, found)
 
 
 def slow_problems(record: Record, file: str) -> Iterator[str]:
@@ -227,8 +227,8 @@ def slow_problems(record: Record, file: str) -> Iterator[str]:
         )
 
 
-def _reversed(record: Record, file: str, found: Sequence[Operation]) -> Iterator[str]:
-    """Voltage and current of opposite signs, or no voltage."""
+def _check_signs(record: Record, file: str, found: Sequence[Operation]) -> Iterator[str]:
+    """Report voltage and current of opposite signs, or no voltage."""
     if found and not np.ptp(record.voltage):
         yield f"{file}: `voltage` is the same throughout though current flows. Record the voltage at the coil."
     elif found and (R := float(np.median(estimate(record, list(found)).resistances))) <= 0.0:

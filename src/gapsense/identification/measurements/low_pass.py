@@ -83,8 +83,8 @@ class Filtered(NamedTuple):
         """That of the voltage of opposite sign."""
         return self._replace(edges=[Edge(at, -size) for at, size in self.edges])
 
-    def told(self, dt: float, is_filtered: bool = True) -> str:
-        """Sentence on it, for a sampling period [s], of both channels or of the driver alone."""
+    def describe(self, dt: float, is_filtered: bool = True) -> str:
+        """Describe it in a sentence, for a sampling period [s], of both channels or of the driver alone."""
         (a, b), is_first = self.low_pass, self.low_pass.b < FIRST * self.low_pass.a**2
         if not is_filtered:
             return (

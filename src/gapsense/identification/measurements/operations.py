@@ -151,14 +151,14 @@ def operations(record: Record, period: float | None = None) -> list[Operation]:
         return []
     if period is not None:
         count = int((last - begins[0]) * record.dt / period + 1e-6)
-        return _between(np.round(begins[0] + np.arange(count + 1) * (period / record.dt)).astype(int).tolist())
+        return _split_at(np.round(begins[0] + np.arange(count + 1) * (period / record.dt)).astype(int).tolist())
     end = active[-1][1]
     if len(begins) == 1 and end > last:
         begins = edges(record.voltage).tolist()
         ends = [2 * begins[-1] - begins[-2]] if len(begins) > 1 else []
-        return _between(begins + [k for k in ends if k <= last]) or _closing(record, begins[0] if begins else 0, last)
+        return _split_at(begins + [k for k in ends if k <= last]) or _closing(record, begins[0] if begins else 0, last)
     usual = 2 * begins[-1] - begins[-2] if len(begins) > 1 else last
-    return _between(begins + ([usual if end <= usual <= last else last] if end <= last else []))
+    return _split_at(begins + ([usual if end <= usual <= last else last] if end <= last else []))
 
 
 def _closing(record: Record, start: int, stop: int) -> list[Operation]:
@@ -176,7 +176,7 @@ def _closing(record: Record, start: int, stop: int) -> list[Operation]:
     return [Operation(start, stop, last.stop - last.start)]
 
 
-def _between(places: list[int]) -> list[Operation]:
+def _split_at(places: list[int]) -> list[Operation]:
     return [Operation(a, b) for a, b in zip(places[:-1], places[1:])]
 
 
@@ -214,7 +214,9 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
     for operation, R in zip(found, resistances):
         per_sample[operation.inside] = R
     volts = min(float(np.abs(applied[o.inside]).sum()) for o in found)
-    more = warmed(means, found, resistances, EDGES * float(np.abs(applied).max()) / volts if volts else np.inf)
+    more = estimate_warming(
+        means, found, resistances, EDGES * float(np.abs(applied).max()) / volts if volts else np.inf
+    )
     rates = applied - per_sample * means - more
     rates[: found[0].start + 1] = 0.0
     return Flux(
@@ -226,8 +228,8 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
     )
 
 
-def warmed(means: Vector, found: list[Operation], R: Vector, least: float) -> Vector:
-    """What the resistance takes more, first less, within each operation, if it grows from each to the next [V].
+def estimate_warming(means: Vector, found: list[Operation], R: Vector, least: float) -> Vector:
+    """Estimate what the resistance takes more, first less, within an operation, if it grows from each to the next [V].
 
     In all by `least` of it, since places of edges change it, too.
     """

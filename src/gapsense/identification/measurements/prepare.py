@@ -156,7 +156,7 @@ def average_blocks(record: Record, size: int) -> Record:
     count = record.times.size // size
     blocks, middles = slice(0, count * size), np.arange(count) * size + size // 2
     places: Vector = np.arange(count, dtype=np.float64) * size + 0.5 * (size - 1)  # in samples
-    volts = _between(record, places, size)
+    volts = _average_halves(record, places, size)
 
     def means(x: Vector) -> Vector:
         return np.asarray(x[blocks].reshape(count, size).mean(axis=1))
@@ -176,8 +176,8 @@ def average_blocks(record: Record, size: int) -> Record:
     )
 
 
-def _between(record: Record, places: Vector, size: int) -> Vector:
-    """Mean voltages of the two halves of the interval before each place; before the record it was as at its start."""
+def _average_halves(record: Record, places: Vector, size: int) -> Vector:
+    """Average over both halves of the interval before each place; before the record the voltage is as at its start."""
     ends = np.arange(record.times.size)
     passed = np.concatenate(([0.0], np.cumsum(record.applied[1:])))  # volt-samples at each sample
     edges = np.stack((places - size, places - 0.5 * size, places), axis=1)

@@ -31,14 +31,14 @@ def halves(v: Vector, i: Vector, convention: str) -> Vector:
 
     Of a convention, `trapezoid` takes up to the middle the voltage of the first sample, then that of the second (an
     edge lies half-way on the average); `end` or `start`, that of the sample at the end or the start (held by the
-    drive); `filtered` and `slow` are `trapezoid`, but for edges that take their time, see `between`.  Where `end` are
-    means over intervals, they tell where in an interval a jump is.
+    drive); `filtered` and `slow` are `trapezoid`, but for edges that take their
+    time, see `with_convention`.  Where `end` are means over intervals, they tell where in an interval a jump is.
     """
     before = np.concatenate((v[:1], v[:-1]))
     found = np.stack((v if convention == "end" else before, before if convention == "start" else v), axis=1)
     for k, part in ends(v, i):
         found[k] = jump(v[k - 1], v[k], part)
-    return sharpened(found, v) if convention == "end" else np.asarray(found)
+    return sharpen_jumps(found, v) if convention == "end" else np.asarray(found)
 
 
 def jump(before: float, after: float, part: float) -> Vector:
@@ -46,8 +46,8 @@ def jump(before: float, after: float, part: float) -> Vector:
     return np.asarray(after + (before - after) * np.clip([2.0 * part, 2.0 * part - 1.0], 0.0, 1.0))
 
 
-def sharpened(found: Vector, means: Vector) -> Vector:
-    """Halves (n, 2), with a jump in the intervals whose mean voltage lies between the levels before and after them."""
+def sharpen_jumps(found: Vector, means: Vector) -> Vector:
+    """Sharpen halves (n, 2) to jumps in intervals whose mean voltage lies between the levels before and after them."""
     v, made = np.pad(means, 2, mode="edge"), np.array(found)
     before, after = v[1:-3], v[3:-1]
     part, is_one = place_jumps((v[:-4], before), means, (after, v[4:]))
@@ -181,18 +181,18 @@ def to_record(columns: Columns, convention: str = "trapezoid") -> Record:
         times=columns.values["time"],
         voltage=v,
         current=i,
-        halves=sharpened(np.stack((v, v), axis=1), v),
+        halves=sharpen_jumps(np.stack((v, v), axis=1), v),
         position=columns.values.get("position"),
         mode=columns.values.get("mode"),
         rows=columns.rows,
         is_mean=columns.is_mean,
         temperature=None if temperature is None or not np.isfinite(temperature).all() else float(temperature.mean()),
     )
-    return between(made, convention)
+    return with_convention(made, convention)
 
 
-def between(record: Record, convention: str) -> Record:
-    """The record with another voltage between its samples; edges that it has are not looked at again.
+def with_convention(record: Record, convention: str) -> Record:
+    """Give the record another voltage between its samples; edges that it has are not looked at again.
 
     Slow edges are `filtered` by a low-pass of both channels, or those of a `slow` driver, which the current follows.
     """
@@ -215,7 +215,7 @@ def read_each(records: Sequence[Record], conventions: Sequence[str]) -> dict[str
     """The records by each convention that the edges of the first one allow, or by all."""
     seen = [look_at_edges(record) for record in records] if conventions else []
     names = [name for name in conventions if can_be(name, seen[0].slow)] or conventions
-    return {name: [between(record, name) for record in seen] for name in names}
+    return {name: [with_convention(record, name) for record in seen] for name in names}
 
 
 def can_be(convention: str, slow: Filtered | None) -> bool:

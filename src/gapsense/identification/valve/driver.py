@@ -58,9 +58,11 @@ UNKNOWN = Driver()
 
 def read_driver(driver: str | None, accuracy: str | None = None) -> Driver:
     """From the values of `--driver`, as `series=2,drop=0.8`, and `--accuracy`; a ValueError tells what is wrong."""
-    texts = {name: text for part in _parts(driver) for name, text in _named(part, TAKEN, "--driver").items()}
+    texts = {name: text for part in _parts(driver) for name, text in _parse_part(part, TAKEN, "--driver").items()}
     values = {name: float(text) for name, text in texts.items() if text != FIT}
-    scales = {name: text for part in _parts(accuracy) for name, text in _named(part, PERCENT, "--accuracy").items()}
+    scales = {
+        name: text for part in _parts(accuracy) for name, text in _parse_part(part, PERCENT, "--accuracy").items()
+    }
     errors = {name: 0.01 * float(text) for name, text in scales.items()}
     return Driver(values, tuple(name for name in TAKEN if texts.get(name) == FIT), errors)
 
@@ -69,8 +71,8 @@ def _parts(text: str | None) -> list[str]:
     return [part.strip() for part in (text or "").split(",") if part.strip()]
 
 
-def _named(part: str, units: Mapping[str, str], option: str) -> dict[str, str]:
-    """Names with their values; those of `fit` alone are what a driver takes."""
+def _parse_part(part: str, units: Mapping[str, str], option: str) -> dict[str, str]:
+    """Parse names with their values; those of `fit` alone are what a driver takes."""
     if part == FIT and units is TAKEN:
         return {"series": FIT, "drop": FIT}
     name, _, value = part.partition("=")
@@ -121,7 +123,7 @@ def settle(fit: Fit, ratios: Vector, prepared: Prepared, names: Sequence[str]) -
     """The minimum for the first operations, next to a point at which the parameters fit best."""
     for _ in range(ROUNDS if names else 0):
         step = correction(fit, ratios, [first.experiment for first in prepared.firsts], names, prepared.places)
-        prepared = prepared.moved(step.causes)
+        prepared = prepared.move_causes(step.causes)
         ratios = fit.least_squares(step.ratios, [first.experiment for first in prepared.firsts])
         if step.is_small:
             break

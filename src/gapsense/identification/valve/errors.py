@@ -201,11 +201,11 @@ def feedback(inverse: Matrix, form: Form, ratios: Vector, experiments: Sequence[
     if FACTOR not in form.fitted:
         return one
 
-    def weighed(others: Vector, experiment: Experiment) -> Vector:
+    def weigh_response(others: Vector, experiment: Experiment) -> Vector:
         now = balance(form, others, experiment)
         return weight(now, simulate_batch([par], now)[0])
 
-    B = [differences(lambda points: np.array([weighed(x, e) for x in points]), ratios) for e in experiments]  # noqa: B023
+    B = [differences(lambda points: np.array([weigh_response(x, e) for x in points]), ratios) for e in experiments]  # noqa: B023
     one[:, : ratios.size] += inverse @ np.concatenate(B)
     return np.linalg.inv(one).astype(np.float64)
 
@@ -248,14 +248,14 @@ def _by_resistance(par: Device, experiment: Experiment, at: Response, operation:
     """Slope of the residuals by the logarithm of the resistance of one operation, after which the model is at rest."""
     alone, cut = part(experiment, operation), slice(operation.start, operation.stop + 1)
 
-    def changed(factor: float) -> Vector:
+    def simulate_change(factor: float) -> Vector:
         R = experiment.resistance.copy()
         R[operation.inside] *= factor
         (found,) = simulate_batch([par], alone._replace(resistance=R[cut]))
         whole = Response(*(_splice(a, b, cut) for a, b in zip(at, found)))
         return weight(with_resistance(experiment, R), whole)
 
-    return differences(lambda points: np.array([changed(1.0 + float(x[0])) for x in points]), np.zeros(1))[:, 0]
+    return differences(lambda points: np.array([simulate_change(1.0 + float(x[0])) for x in points]), np.zeros(1))[:, 0]
 
 
 def _splice(whole: Vector | None, piece: Vector | None, at: slice) -> Any:
@@ -388,7 +388,7 @@ def uncertainty(
         k, samples = form.fitted.index(FILTER), float(value_of(form.at(ratios), FILTER)) / experiments[0].dt
         shift = min(1.0, 0.5 * SPREAD / samples**2) * cov[:, k] / cov[k, k]
         cov = cov + np.outer(shift, shift)
-    T, names, causes = reported(form, fitted), [*form.fitted], [name for name in fitted if not is_place(name)]
+    T, names, causes = select_reported(form, fitted), [*form.fitted], [name for name in fitted if not is_place(name)]
     told, kept = T @ cov @ T.T, parameters_of(form)
     std: Vector = np.sqrt(np.diag(told))
     scale, count = np.where(std > 0.0, std, 1.0), len(kept)
@@ -413,8 +413,8 @@ def with_other_filters(experiments: Sequence[Experiment]) -> Iterator[list[Exper
             yield [*experiments[:k], changed, *experiments[k + 1 :]]
 
 
-def reported(form: Form, causes: Collection[str] = ()) -> Matrix:
-    """What is told of what is fitted, of causes but for the places of edges, and of the resistance.
+def select_reported(form: Form, causes: Collection[str] = ()) -> Matrix:
+    """Select what is told of what is fitted, of causes but for the places of edges, and of the resistance.
 
     These are the parameters, then the resistance with the factor on it, then the causes; the numbers of a gap law are
     told apart.
@@ -525,7 +525,7 @@ def add_doubts(at: Ended, found: Uncertainty, doubts: Mapping[str, float], tied:
     if not effects:
         return found
     added, names = sum(effects[1:], effects[0]), list(at.form.fitted)
-    T = reported(at.form, found.causes)[:, : len(names)]
+    T = select_reported(at.form, found.causes)[:, : len(names)]
     return widen(found, T @ added @ T.T, {name: float(added[k, k]) for k, name in enumerate(names)})
 
 

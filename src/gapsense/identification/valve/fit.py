@@ -43,8 +43,8 @@ from gapsense.identification.valve.form import (
     Device,
     Form,
     Sought,
+    find_needed,
     larger,
-    needed,
     plain,
     replace_values,
     value_of,
@@ -341,7 +341,7 @@ def _with_others(result: Identified, at: Found, others: Sequence[Found]) -> Iden
 
 def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
     """The result with what was neither given nor found, and with the doubt about all that was held."""
-    known = (*needed(at.form), BOUNCE)
+    known = (*find_needed(at.form), BOUNCE)
     assumed = [] if sought.given is None else [name for name in known if name not in sought.given]
     doubts = {name: scale(name.replace("_", ".")).doubt for name in assumed}
     doubts |= {name: error for name, error in sought.accuracy.items() if name in known}
@@ -398,7 +398,7 @@ def _across_samples(fit: Fit, at: Found) -> Found:
             by[name] = 2.0 * (nearest - edge)
     if not by:
         return at
-    other = _minimise(fit, at.ratios, at.prepared.moved(by), at.causes, is_searched=False)
+    other = _minimise(fit, at.ratios, at.prepared.move_causes(by), at.causes, is_searched=False)
     return min((at, other), key=lambda end: rms(_left(end)))
 
 
@@ -441,21 +441,21 @@ def _minimise(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str
     experiments = prepared.experiments
     if has_hysteresis := FACTOR in fit.form.fitted:
         experiments = [balance(fit.form, ratios, e) for e in experiments]
-        ratios = fit.form.settled(ratios)
-        ends = [fit.least_squares(start, experiments) for start in (ratios, fit.form.restarted(ratios))]
+        ratios = fit.form.reset_factor(ratios)
+        ends = [fit.least_squares(start, experiments) for start in (ratios, fit.form.reset_turnover(ratios))]
         ratios = min(ends, key=partial(fit.cost, experiments=experiments))
     for size in SIZES[-1:] * MOST if has_hysteresis else SIZES:
         value = partial(fit.cost, experiments=experiments)
         ratios = search(value, ratios, size).x if is_searched else fit.least_squares(ratios, experiments)
-        before, experiments = experiments, fit.balanced(ratios, experiments)
-        ratios = fit.form.settled(ratios)
+        before, experiments = experiments, fit.balance_experiments(ratios, experiments)
+        ratios = fit.form.reset_factor(ratios)
         if all(np.allclose(a.resistance, b.resistance, rtol=AT_REST, atol=0.0) for a, b in zip(before, experiments)):
             break
     for _ in range(ROUNDS if causes else 0):
         step = correction(fit, ratios, experiments, causes, prepared.places)
-        prepared = prepared.moved(step.causes)
-        experiments = fit.balanced(step.ratios, prepared.experiments)
-        ratios = fit.least_squares(fit.form.settled(step.ratios), experiments)
+        prepared = prepared.move_causes(step.causes)
+        experiments = fit.balance_experiments(step.ratios, prepared.experiments)
+        ratios = fit.least_squares(fit.form.reset_factor(step.ratios), experiments)
         if step.is_small:
             break
     return Found(form=fit.form, ratios=ratios, experiments=experiments, prepared=prepared, causes=causes)

@@ -104,8 +104,8 @@ class Form(NamedTuple):
         inner = [(k, bare._fields.index(name)) for k, name in enumerate(self.fitted) if name not in fields]
         outer = [(k, fields.index(name)) for k, name in enumerate(self.fitted) if name in fields]
         for factors in (np.exp(ratios).tolist() for ratios in points):
-            par = _multiplied(self.known, outer, factors)
-            made.append(par._replace(valve=_multiplied(bare, inner, factors)) if inner else par)
+            par = _multiply_fields(self.known, outer, factors)
+            made.append(par._replace(valve=_multiply_fields(bare, inner, factors)) if inner else par)
         return made
 
     def law_at(self, ratios: Vector) -> Law:
@@ -131,12 +131,12 @@ class Form(NamedTuple):
         """On the resistances."""
         return float(np.exp(ratios[self.fitted.index(FACTOR)])) if FACTOR in self.fitted else 1.0
 
-    def settled(self, ratios: Vector) -> Vector:
-        """The ratios once the resistances have taken their factor."""
+    def reset_factor(self, ratios: Vector) -> Vector:
+        """Reset the factor on the resistances, once they have taken it."""
         return np.where([name == FACTOR for name in self.fitted], 0.0, ratios)
 
-    def restarted(self, ratios: Vector) -> Vector:
-        """The ratios with the first guess of the turnover, whose minimum may be a false one."""
+    def reset_turnover(self, ratios: Vector) -> Vector:
+        """Reset the turnover to its first guess, since its minimum may be a false one."""
         return np.where([name == "core_turnover" for name in self.fitted], 0.0, ratios)
 
     @property
@@ -160,8 +160,8 @@ class Form(NamedTuple):
         return self._replace(known=known, fitted=fitted), ratios[free]
 
 
-def _multiplied(par: Any, places: Sequence[tuple[int, int]], factors: Sequence[float]) -> Any:
-    """A record with some of its numbers multiplied: place of the factor, and of the number."""
+def _multiply_fields(par: Any, places: Sequence[tuple[int, int]], factors: Sequence[float]) -> Any:
+    """Multiply some numbers of a record: place of the factor, and of the number."""
     numbers = [*par]
     for k, place in places:
         numbers[place] *= factors[k]
@@ -232,12 +232,12 @@ def larger(form: Form, sought: Sought) -> list[Form]:
         guesses |= {n: guess for n, guess in sought.guesses.items() if n in guesses and guess > 0.0}
         if name not in form.added and guesses and next(iter(guesses)) not in sought.held:
             made = _more(form, name, replace_values(device, **guesses), [n for n in guesses if n not in sought.held])
-            found += [made, _magnetised(made)] if "hysteresis" in made.added else [made]
+            found += [made, _toggle_magnetised(made)] if "hysteresis" in made.added else [made]
     return found
 
 
-def _magnetised(form: Form) -> Form:
-    """The form whose core keeps, at the start, the flux of an operation before the record; or none, if it did."""
+def _toggle_magnetised(form: Form) -> Form:
+    """Toggle whether the core keeps, at the start, the flux of an operation before the record."""
     others, was = tuple(name for name in form.added if name != MAGNETISED), MAGNETISED in form.added
     known = replace_values(form.known, core_remanence=0.0 if was else 1.0)
     return form._replace(known=known, added=others if was else (*others, MAGNETISED))
@@ -290,15 +290,15 @@ LAWS = {GapLaw.linear: ("gap_slope",), GapLaw.fringing: ("gap_area", "gap_window
 BOUNCE = "stop_restitution"  # need not be given: what is left of the current shows a bounce
 
 
-def needed(form: Form) -> tuple[str, ...]:
-    """Fields that are held, and that no record tells."""
+def find_needed(form: Form) -> tuple[str, ...]:
+    """Find the fields that are held, and that no record tells."""
     law = LAWS[GapLaw(value_of(form.known, "gap_law"))] if form.law is None else ()
     return tuple(name for name in (*MECHANICS, *law, *FITTED) if name not in form.fitted)
 
 
 def missing(form: Form, given: Collection[str]) -> list[str]:
     """Those of them that were not given."""
-    return [name for name in needed(form) if name not in given]
+    return [name for name in find_needed(form) if name not in given]
 
 
 def guess_similar(par: Parameters, given: Collection[str]) -> Parameters:

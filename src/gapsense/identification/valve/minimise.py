@@ -168,8 +168,8 @@ class Fit:
         """The minimum next to a point, or the way there until a step lowers the cost by that part only."""
         return minimise(Weighted(self.form, experiments, self.count), ratios, LONGEST, enough).point
 
-    def balanced(self, ratios: Vector, experiments: list[Experiment]) -> list[Experiment]:
-        """The experiments with resistances for which model and measurement have the same charge."""
+    def balance_experiments(self, ratios: Vector, experiments: list[Experiment]) -> list[Experiment]:
+        """Balance the experiments: resistances for which model and measurement have the same charge."""
         par = self.form.at(ratios)
         return [balance(self.form, ratios, e, simulate_currents([par], e)[0]) for e in experiments]
 

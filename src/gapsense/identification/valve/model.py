@@ -14,7 +14,14 @@ from gapsense.identification.causes import BESIDE, PLACE, Signals, apply_causes,
 from gapsense.identification.least_squares import Matrix, finite
 from gapsense.identification.measurements.low_pass import Filtered, LowPass, weights
 from gapsense.identification.measurements.operations import Flux, Operation, coil, estimate, operations, trapezoid
-from gapsense.identification.measurements.record import Record, Vector, between, place_jumps, read_each, seen_ends
+from gapsense.identification.measurements.record import (
+    Record,
+    Vector,
+    place_jumps,
+    read_each,
+    seen_ends,
+    with_convention,
+)
 from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.identification.measurements.switching import Carrier, carrier, rises
 from gapsense.identification.valve import lossy_valve
@@ -245,11 +252,11 @@ def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experi
 
 def residuals_of(pars: Sequence[Device], experiments: Sequence[Experiment]) -> Matrix:
     """The same of some devices."""
-    return finite(np.concatenate([weight(e, _stacked(simulate_batch(pars, e))) for e in experiments], axis=1))
+    return finite(np.concatenate([weight(e, _stack_models(simulate_batch(pars, e))) for e in experiments], axis=1))
 
 
-def _stacked(models: Sequence[Response]) -> Response:
-    """Models as one, whose signals have a row for each."""
+def _stack_models(models: Sequence[Response]) -> Response:
+    """Stack models to one, whose signals have a row for each."""
     positions = [model.position for model in models if model.position is not None]
     return Response(np.stack([model.current for model in models]), np.stack(positions) if positions else None)
 
@@ -416,7 +423,7 @@ class Prepared(NamedTuple):
     def slow(self) -> str:
         """Sentence on edges that take their time, if they are read so; or none."""
         read = [r for r in self.records if r.slow and (r.is_filtered or self.convention == "slow")]
-        return next((r.slow.told(r.dt, r.is_filtered) for r in read if r.slow), "")
+        return next((r.slow.describe(r.dt, r.is_filtered) for r in read if r.slow), "")
 
     @property
     def drive(self) -> Mapping[str, float]:
@@ -445,8 +452,8 @@ class Prepared(NamedTuple):
         """The same with each voltage between samples that the edges of the first record allow."""
         return [prepare_all(read, self.period, name) for name, read in read_each(self.raw, conventions).items()]
 
-    def moved(self, by: Mapping[str, float]) -> Prepared:
-        """The same with other values of the causes."""
+    def move_causes(self, by: Mapping[str, float]) -> Prepared:
+        """Move the causes by these values."""
         moved = list[Record]()
         for number, record in enumerate(self.raw):
             changed = {name: record.drive.get(name, 0.0) + x for name, x in of_record(by, number).items()}
@@ -461,7 +468,7 @@ class Prepared(NamedTuple):
         raw = [r._replace(drive={name: x for name, x in r.drive.items() if name != "delay"}) for r in self.raw]
         convention = "trapezoid" if self.convention in EARLY else self.convention
         by = {name: late - found.get(name, 0.0) for name in names}
-        return self._replace(raw=raw, convention=convention).moved(by)
+        return self._replace(raw=raw, convention=convention).move_causes(by)
 
     @property
     def firsts(self) -> list[First]:
@@ -488,7 +495,7 @@ def take_out_causes(record: Record, convention: str = "", is_sharp: bool = False
 
     To be used once: the samples of its voltage stay what was recorded; but edges behind a low-pass may be made sharp.
     """
-    read = between(record, convention) if convention else record
+    read = with_convention(record, convention) if convention else record
     if is_sharp and read.filtered:
         samples, means = read.filtered.lacking(read.voltage.size)
         read = read._replace(voltage=read.voltage + samples, halves=read.halves + means)

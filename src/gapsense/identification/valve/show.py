@@ -23,8 +23,8 @@ from gapsense.identification.parameter_set import (
     TABLE_UNITS,
     Entry,
     error_note,
+    format_error,
     parameters_of,
-    percent,
     read_sets,
     write_set,
     write_table,
@@ -140,8 +140,8 @@ def _gap(file: Path, result: Identified, known: Known) -> list[Entry]:
     return [Entry("gap.law", "table"), Entry("gap.file", str(table))]
 
 
-def found(result: Identified, name: str) -> float:
-    """Value of a parameter; of the table of a gap law, the factor on it."""
+def get_fitted_value(result: Identified, name: str) -> float:
+    """Get the value of a parameter; of the table of a gap law, the factor on it."""
     if name != TABLE_FIELDS[0]:
         return float(value_of(result.parameters, name))
     now, before = (value_of(par, name) for par in (result.parameters, result.form.known))
@@ -151,7 +151,7 @@ def found(result: Identified, name: str) -> float:
 def valve_errors(result: Identified) -> dict[str, float]:
     """Standard errors by parameter of the device, in its unit."""
     named = {name: error for name, error in result.errors.items() if name not in (*TABLE_FIELDS, FILTER)}
-    return {PORTS[name].name: error * found(result, name) for name, error in named.items()}
+    return {PORTS[name].name: error * get_fitted_value(result, name) for name, error in named.items()}
 
 
 def _entry(name: str, result: Identified) -> Entry:
@@ -159,7 +159,7 @@ def _entry(name: str, result: Identified) -> Entry:
     port, note = PORTS[name], error_note(result.errors.get(name), name in result.poor)
     if name in result.assumed:
         note = f"assumed, not known: {describe_doubt(port.name, result.assumed[name])}"
-    return Entry(port.name, found(result, name), "not identified, held" if name in result.held else note)
+    return Entry(port.name, get_fitted_value(result, name), "not identified, held" if name in result.held else note)
 
 
 def validate_valve(par: Device, records: Sequence[Record], coefficient: Coefficient | None) -> list[Validation]:
@@ -218,7 +218,11 @@ def assumed_table(result: Identified) -> list[Table | str]:
     if not names:
         return []
     rows = [
-        (name, quantity(found(result, field), PORTS[field].unit), describe_doubt(name, result.assumed[field]))
+        (
+            name,
+            quantity(get_fitted_value(result, field), PORTS[field].unit),
+            describe_doubt(name, result.assumed[field]),
+        )
         for name, field in names.items()
     ]
     heads = ("parameter", "assumed", "standard error")
@@ -229,13 +233,21 @@ def parameters(result: Identified) -> Table:
     """Value and standard error of every parameter."""
     rows = []
     for name, error in result.errors.items():
-        unit, value = PORTS[name].unit, found(result, name)
+        unit, value = PORTS[name].unit, get_fitted_value(result, name)
         ends = [value * float(np.exp(side * TWO_SIDED * error)) for side in (-1.0, 1.0) if math.isfinite(error)]
         interval = " to ".join(quantity(end, unit) for end in ends)
         note = "not identified" if name in result.poor else ""
-        rows.append((PORTS[name].name, quantity(value, unit), percent(error), interval, note))
+        rows.append((PORTS[name].name, quantity(value, unit), format_error(error), interval, note))
     for name in result.held:
-        rows.append((PORTS[name].name, quantity(found(result, name), PORTS[name].unit), "", "", "not identified, held"))
+        rows.append(
+            (
+                PORTS[name].name,
+                quantity(get_fitted_value(result, name), PORTS[name].unit),
+                "",
+                "",
+                "not identified, held",
+            )
+        )
     return table("Parameters", ("parameter", "value", "standard error", "95 % interval", ""), rows)
 
 
@@ -326,12 +338,12 @@ def remarks(result: Identified) -> list[str]:
             " that it has no standard error, and those of the others are too small: give a better guess."
         )
     for name in result.held:
-        value = quantity(found(result, name), PORTS[name].unit)
+        value = quantity(get_fitted_value(result, name), PORTS[name].unit)
         said.append(
             f"`{PORTS[name].name}` is not identified: these records do not determine it. It is held at {value}."
         )
     for name in result.poor:
-        error = percent(result.errors[name])
+        error = format_error(result.errors[name])
         said.append(f"`{PORTS[name].name}` is not identified: its standard error is {error}. Do not rely on it.")
     rho, names = result.uncertainty.correlation, labels(result)
     for k, j in zip(*np.nonzero(np.tril(np.abs(rho), -1) > STRONG)):
