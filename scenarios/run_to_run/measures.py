@@ -68,6 +68,8 @@ DEMANDS = tuple(
         ("missed spike lost", "contact model", "median", 18, 0.12),  # one thing goes wrong, once
         ("missed spike lost", "contact model", "90 %", 18, 0.18),
         ("voltage-offset", "contact", "90 %", 10, 0.20),
+        ("voltage-offset", "model", "median", 10, 0.12),
+        ("voltage-offset", "model", "worst", 10, 0.30),
         ("supply", "contact model", "90 %", -LAST, 0.15),
         ("supply", "contact", "median", -LAST, 0.12),
         ("softer", "contact model", "median", -LAST, 0.12),

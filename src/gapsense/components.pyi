@@ -1190,6 +1190,7 @@ class MheOutputs(NamedTuple):
     viscous_damping_std: float
     core_reluctance_std: float
     gap_bend_std: float
+    voltage_offset: float
 
 class MheResponse(Response):
     position: Floats
@@ -1232,6 +1233,7 @@ class MheResponse(Response):
     viscous_damping_std: Floats
     core_reluctance_std: Floats
     gap_bend_std: Floats
+    voltage_offset: Floats
 
 class Mhe(Runnable):
     """
@@ -1353,6 +1355,8 @@ class Mhe(Runnable):
         Reluctance R_c of the core without its knee, over N^2: relative deviation before the first window.
     prior_bend : float, at least 0, by default 0.1
         Bend of the gap law, zero at both stops: relative deviation before the first window.
+    prior_voltage : float [V], at least 0, by default 0.0
+        Offset of the voltage: deviation; 0: none is learnt.
     health_limit : float, at least 0, by default 3.0
         Largest misfit; good windows have less than 1.
 
@@ -1447,6 +1451,8 @@ class Mhe(Runnable):
         Its standard deviation.
     gap_bend_std : float, at least 0
         Its standard deviation.
+    voltage_offset : float [V]
+        Offset of the voltage, by its rests.
     """
 
     def __init__(
@@ -1509,6 +1515,7 @@ class Mhe(Runnable):
         prior_damping: float = ...,
         prior_core: float = ...,
         prior_bend: float = ...,
+        prior_voltage: float = ...,
         health_limit: float = ...,
     ) -> None: ...
     def run(  # type: ignore[override]
@@ -2851,6 +2858,8 @@ class RunToRun(Runnable):
         Law model: `gap_factor` of `Mhe`.
     estimated_gap_bend : float, optional
         Law model: `gap_bend` of `Mhe`.
+    estimated_voltage_offset : float [V], optional
+        Law model: `voltage_offset` of `Mhe`.
 
     Outputs
     -------
@@ -2930,6 +2939,7 @@ class RunToRun(Runnable):
         estimated_viscous_damping: npt.ArrayLike = ...,
         estimated_gap_factor: npt.ArrayLike = ...,
         estimated_gap_bend: npt.ArrayLike = ...,
+        estimated_voltage_offset: npt.ArrayLike = ...,
         *,
         sample_time: float | None = ...,
         start_time: float = ...,
@@ -2957,6 +2967,7 @@ class RunToRun(Runnable):
         estimated_viscous_damping: float = ...,
         estimated_gap_factor: float = ...,
         estimated_gap_bend: float = ...,
+        estimated_voltage_offset: float = ...,
         *,
         sample_time: float | None = ...,
     ) -> RunToRunOutputs: ...

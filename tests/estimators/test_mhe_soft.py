@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from c_code import CKernel, driven
 from lossy_valve import HALF, T_S
-from mhe_plant import CYCLE, CYCLES, START, Plant, noisy, plant
+from mhe_plant import CYCLE, CYCLES, START, Plant, errors, noisy, plant, says
 from mhe_signals import blind, kernel, rows, run, state_of
 from soft_landings import RUNS, Told, estimated, landings, told
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators.mhe import mhe, solve, window
 from gapsense.estimators.mhe.model import device, model
+from gapsense.estimators.readings import OTHER
 from gapsense.studies.devices import RTS_VALVE
 
 CASES = pytest.mark.parametrize(("dt", "restitution"), [(50e-6, 0.0), (20e-6, 0.0), (20e-6, 0.3)])
@@ -218,3 +219,25 @@ def test_a_trial_with_derivatives_is_the_pass_that_would_follow() -> None:
         np.testing.assert_allclose(work.walk.cost, again.walk.cost, rtol=1e-9)
         np.testing.assert_allclose(work.fit.gradient, again.fit.gradient, rtol=1e-9)
         np.testing.assert_allclose(work.fit.normal, again.fit.normal, rtol=1e-9)
+
+
+@pytest.mark.parametrize("prior", [0.3, 0.0])
+@pytest.mark.parametrize("offset", [0.5, -0.5, 1.0])
+def test_an_offset_of_the_voltage_is_learnt_at_rest_where_one_is_expected(offset: float, prior: float) -> None:
+    """What was learnt before is forgotten, and 6 to 10 um are left; else R is 1.6 to 3.3 % wrong."""
+    s, par = plant(), blind(prior_voltage=prior)
+    voltage = s.voltage + offset
+    found = run(par, rows(voltage, noisy(s)))
+    off = abs(found["resistance"][-1] / RTS_VALVE.coil_resistance - 1.0)
+    if prior:
+        assert found["voltage_offset"][-1] == pytest.approx(offset, abs=1e-9) and off < 1e-3
+        assert not np.any(says(found, OTHER)[-CYCLE:]) and max(errors(found, s, START + 3 * CYCLE)) < 15.0
+    else:
+        assert np.all(found["voltage_offset"] == 0.0) and off > 0.01
+
+
+def test_an_offset_of_the_voltage_that_is_too_large_is_told() -> None:
+    """Beyond 5.5 deviations; learnt it is all the same."""
+    s = plant()
+    found = run(blind(prior_voltage=0.3), rows(s.voltage + 3.0, noisy(s)))
+    assert found["voltage_offset"][-1] == pytest.approx(3.0, abs=1e-9) and np.all(says(found, OTHER)[-CYCLE:])

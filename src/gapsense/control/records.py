@@ -118,6 +118,7 @@ class Inputs(NamedTuple):
     estimated_viscous_damping: Scalar = of_mhe("N.s/m", "viscous_damping")
     estimated_gap_factor: Scalar = of_mhe("1", "gap_factor")
     estimated_gap_bend: Scalar = of_mhe("1", "gap_bend")
+    estimated_voltage_offset: Scalar = of_mhe("V", "voltage_offset")
 
 
 @ports(feedthrough=Inputs._fields[1:])

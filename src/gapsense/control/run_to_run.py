@@ -291,7 +291,8 @@ def _is_told(state: State, inputs: Inputs, par: Parameters) -> Scalar:
     closing, opening = (laws.read(state.laws, half) for half in (CLOSING, OPENING))
     cycle = (closing.length + opening.length) * par.sample_time
     is_good = (state.explained_well >= EXPLAINED) & not_(inputs.estimated_mass == state.first_mass)
-    is_good = is_good & (fabs(state.coil.voltage_zero) < SHIFTED * par.voltage_most)
+    unknown = state.coil.voltage_zero - inputs.estimated_voltage_offset
+    is_good = is_good & (fabs(unknown) < SHIFTED * par.voltage_most)
     return (state.cycles > 2.0) & is_good & (inputs.time - state.smoothed_until < cycle)
 
 

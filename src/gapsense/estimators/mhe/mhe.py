@@ -33,12 +33,14 @@ from gapsense.estimators.mhe.model import (
     with_device,
 )
 from gapsense.estimators.mhe.solve import (
+    FAR,
     LOGARITHMS,
     USUAL_EFFORT,
     is_lost,
     is_untypical,
     is_wandering,
     suspect,
+    unlearn,
     wait,
     work_on,
 )
@@ -90,6 +92,7 @@ STEADY, SETTLED = 0.15, 0.025  # change of a voltage that is held, and of its cu
 CREEPING = 0.05  # of a voltage that is held: the rate of the model's flux linkage with which a coil is not settled yet
 SETTLED_WELL = 0.005  # the same where more is learnt: at the end of a soft landing the current still creeps
 ZEROED, MEAN = 4.0, 0.5  # deviations by which a zero is another one, which is taken at once; else a share
+SHIFTED = 0.25  # deviations by which a zero of the voltage is another one: what was learnt before is wrong
 LONGEST_REST, LATE = 256.0, 3.0  # samples of which its mean is; power of time by which the later ones weigh more
 LASTING = 2e-3  # of too large innovations until feedback begins or gives up; of rest until it ends [s]
 AT_FIRST = (2e-3, 0.5e-3, 0.5)  # first deviations of flux linkage, position, velocity there [Wb], [m], [m/s]
@@ -137,6 +140,7 @@ class Held(NamedTuple):
     held_resistance: Scalar = 0.0  # at the end of the last one that was long and large enough; or 0
     rest_current: Scalar = 0.0  # mean of the current since `window.tail`
     zero: Scalar = 0.0  # that of the last ones without voltage that were long enough
+    voltage_zero: Scalar = 0.0  # voltage of the last one
 
 
 class State(NamedTuple):
@@ -247,6 +251,7 @@ class Outputs(NamedTuple):
     operation: Operation = part()
     found: Found = part()
     certainty: Certainty = part()
+    voltage_offset: Scalar = output("V", "Offset of the voltage, by its rests", nominal=0.1)
 
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
@@ -289,6 +294,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     # the window, (4) to (9)
     is_doubtful = is_strange(state.watch) | is_untold(watch, told)
     work, smoothed, news = _work(state, samples, held, is_doubtful, inputs.time, first, par)
+    is_other = fabs(held.voltage_zero - state.held.voltage_zero) > SHIFTED * par.prior_voltage
+    work = when(is_other, unlearn, work)
     # the causal estimate, (1) to (3)
     believed = when(news.is_other, lambda believed: put(believed, get(work.fit.device, START)), state.believed)
     m = with_device(first, Device(*get(believed, START)))
@@ -311,7 +318,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     work = when(is_set(state.follow.is_on), lambda work: _drop_long(work, follow, par), work)
     # what is published
     work, shown = _publish(work, samples.newest, smoothed, at, inputs.time, par)
-    fine = _health(now, work, watch, told, par)
+    fine = _health(now, work, watch, held, told, par)
     state = State(
         last_command=inputs.command,
         causal=causal,
@@ -323,7 +330,9 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         samples=samples,
         smoothed=smoothed,
     )
-    return state, _outputs(at, m.d, innovation, shown, work.learnt, get(work.learnt.deviations, START), fine, par)
+    known = get(work.learnt.deviations, START)
+    outputs = _outputs(at, m.d, innovation, shown, work.learnt, known, fine, par)
+    return state, outputs._replace(voltage_offset=held.voltage_zero)
 
 
 class Sample(NamedTuple):
@@ -345,7 +354,7 @@ def _read(state: State, inputs: Inputs, par: Parameters) -> Sample:
     """The readings, without those that are lost; whether a current is wild is not known yet."""
     last_voltage = Point(*state.causal).voltage
     has_voltage, has_current = can_be_read(inputs.voltage, par.range_voltage), _has_current(inputs, par)
-    u = where(has_voltage, inputs.voltage, last_voltage)
+    u = where(has_voltage, inputs.voltage - state.held.voltage_zero, last_voltage)
     zero = where(is_set(par.option_zero), state.held.zero, 0.0)
     last = load(state.samples.currents, state.samples.newest)
     return Sample(
@@ -434,7 +443,7 @@ def _coil(held: Held, is_edge: Scalar, watch: Watch, learnt: Learnt, m: Model, p
     )
 
 
-def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parameters) -> Health:
+def _health(now: Sample, work: Work, watch: Watch, held: Held, told: Parameters, par: Parameters) -> Health:
     """The table of causes on the page."""
     is_changing = is_wandering(work.learnt) | (watch.evidence > ENOUGH)
     return health(
@@ -443,7 +452,7 @@ def _health(now: Sample, work: Work, watch: Watch, told: Parameters, par: Parame
             LOST: not_(now.has_voltage & now.has_current),
             RESTARTED: work.learnt.given_up > 0.0,
             STILL: is_set(watch.is_still),
-            OTHER: is_untypical(work.fit.q_prior, par),
+            OTHER: is_untypical(work.fit.q_prior, par) | (fabs(held.voltage_zero) > FAR * par.prior_voltage),
             UNTOLD: is_untold(watch, told),
             UNLEARNT: is_unlearnt(watch, par),
             CHANGING: is_changing & is_well_learnt(watch, work.learnt, par),
@@ -505,10 +514,12 @@ def _change_level(before: Held, u: Scalar, par: Parameters) -> Held:
     is_off, change = is_long & (fabs(before.held_voltage) < par.edge), before.rest_current - before.zero
     weight = (LATE + 1.0) / sqrt((2.0 * LATE + 1.0) * _rests(before, par))  # of the noise of a reading
     is_other = fabs(change) > ZEROED * weight * par.noise_current
+    has_shifted = is_long & (fabs(before.held_voltage) < 2.0 * FAR * par.prior_voltage)
     return before._replace(
         held_level=u,
         held_resistance=where(R > 0.0, R, before.held_resistance),
         zero=before.zero + where(is_off, where(is_other, 1.0, MEAN) * change, 0.0),
+        voltage_zero=before.voltage_zero + where(has_shifted, before.held_voltage, 0.0),
     )
 
 
@@ -581,6 +592,7 @@ def _outputs(
         operation=Operation(*(getattr(learnt, name) for name in Operation._fields)),
         found=Found(*d),
         certainty=stds,
+        voltage_offset=0.0,
     )
 
 

@@ -122,6 +122,7 @@ class Parameters(NamedTuple):
     prior_damping: Scalar = prior("Viscous damping", 0.1)
     prior_core: Scalar = prior("Reluctance R_c of the core without its knee, over N^2", 0.2)
     prior_bend: Scalar = prior("Bend of the gap law, zero at both stops", 0.1)
+    prior_voltage: Scalar = parameter("V", "Offset of the voltage: deviation; 0: none is learnt", 0.0, min=0.0)
     health_limit: Scalar = parameter("1", "Largest misfit; good windows have less than 1", 3.0, min=0.0)
 
 

@@ -48,6 +48,7 @@ from gapsense.estimators.mhe.window import (
     Search,
     Smoothed,
     Walk,
+    Window,
     Work,
     advance_pass,
     begin_pass,
@@ -791,6 +792,23 @@ def _by_voltage(origin: Array, par: Parameters) -> Array:
     u = load(origin, 4)
     origin = store(origin, 2, where(fabs(u) > par.edge, par.stop_lower, par.stop_upper))
     return store(origin, 3, 0.0)
+
+
+def unlearn(work: Work) -> Work:
+    """Nothing is left of what was learnt from other readings, and it begins as at the start, now."""
+    fit, nothing = work.fit, [0.0] * N
+    fresh = dict.fromkeys(("rejected", "explained", "surplus", "is_settled", "rest_trend", "damping_trend"), 0.0)
+    return work._replace(
+        phase=Phase.deriving,
+        pass_start=PassStart.first,
+        pass_done=0.0,
+        window=Window(work.window.origin),
+        fit=fit._replace(q=put(fit.q, nothing), q_prior=put(fit.q_prior, nothing), tries=0.0),
+        learnt=work.learnt._replace(**fresh),
+        good=put(work.good, nothing),
+        search=Search(),
+        ready=0.0,
+    )
 
 
 def _forget(work: Work, par: Parameters) -> Work:
