@@ -23,7 +23,7 @@ from gapsense import read_campaign
 from gapsense._os.files import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
-from gapsense.cosim.scenario.read import changed
+from gapsense.cosim.scenario.read import change_scenario
 from gapsense.many.columns import kind
 from gapsense.many.result import KEY
 from gapsense.many.store import Store
@@ -118,7 +118,7 @@ def test_command_gives_back_every_value_with_its_type(tmp_path, make, monkeypatc
     words = shlex.split(repeated(many, run))
     assert words[:5] == ["gapsense", "run", "out/demo/scenario.toml", "--variant", "cold"]
     Path("s.toml").write_text("", encoding="utf-8")
-    given = changed("s.toml", words[6::2]).changes
+    given = change_scenario("s.toml", words[6::2]).changes
     assert set(words[5::2]) == {"--set"}
     assert given == {"valve.damping": 0.5, "sensor.seed": 5 + run, **values(run)}
     assert [type(given[name]) for name in FACTORS] == [float, int, str, bool]

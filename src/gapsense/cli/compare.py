@@ -119,7 +119,7 @@ def converge(
     from gapsense.cosim.convergence import EXPORTED
     from gapsense.report import convergence, plot
 
-    fmus, source = console.chosen(scenario, fmus, native), cosim.changed(scenario, settings or ())
+    fmus, source = console.chosen(scenario, fmus, native), cosim.change_scenario(scenario, settings or ())
     if export:
         refuse_export(export, *EXPORTED)
     if figure:

@@ -30,7 +30,7 @@ def export_ssp(
     """
     from gapsense.ssp.export import export
 
-    notes = export(cosim.changed(scenario, settings or ()), to, variant, console.chosen(scenario, fmus, native))
+    notes = export(cosim.change_scenario(scenario, settings or ()), to, variant, console.chosen(scenario, fmus, native))
     for note in notes:
         console.notice(note)
     console.written(to)
