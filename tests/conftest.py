@@ -54,7 +54,12 @@ if hasattr(typer.testing, "_get_command"):  # else every call of a command makes
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """The second worker reads the folders from the last one on: what pytest makes of a file is then made once."""
+    """The second worker reads the folders from the last one on: what pytest makes of a file is then made once.
+
+    Quick tests need many libraries and run each for a moment; slow tests compile as users do.
+    """
+    if config.getoption("markexpr") == "not slow" and sys.platform == "linux" and shutil.which("cc"):
+        os.environ.setdefault("CC", str(Path(__file__).with_name("cc")))
     if getattr(config, "workerinput", {}).get("workerid") == "gw1" and config.args == config.getini("testpaths"):
         folders = {str(file.parent) for file in Path(__file__).parent.glob("*/test_*.py")}
         config.args = sorted(folders, reverse=True)

@@ -101,7 +101,7 @@ def over_errors(found: Found, errors: Sequence[float]) -> Figure:
 def run_figure(result: Result) -> Figure:
     """A run of the scenario: voltage, current, position, and the errors of the estimates with a band of the filter."""
     signals = ("drive.voltage_mean", "sensor.current_measured", "valve.position", "valve.flux_linkage")
-    plot.recorded(result, [*signals, *(f"{c}.position" for c in RUN), "ukf.position_std", "ukf.flux_linkage"])
+    plot.require_recorded(result, [*signals, *(f"{c}.position" for c in RUN), "ukf.position_std", "ukf.flux_linkage"])
     figure, (voltage, current, position, error, flux) = plot.stack(
         result.run.title, [*LABELS], [1.0, 1.0, 1.6, 2.2, 1.2]
     )

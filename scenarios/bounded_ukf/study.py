@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import Out, study
-from gapsense.cli.console import bar, show, written
+from gapsense.cli.console import bar, say_written, show
 from gapsense.studies import FIGURES
 
 FIGURES["bounded_ukf"] = f"{__package__}.show:run_figure"
@@ -29,7 +29,7 @@ def ukf_noise(
         found = errors.noise(seeds, progress)
     file = plot.save(over_noise(found, errors.NOISES), to / "ukf_noise.png")
     show(*noise_tables(found, errors.NOISES, seeds))
-    written(file)
+    say_written(file)
 
 
 @study("ukf-parameters")
@@ -44,7 +44,7 @@ def ukf_parameters(to: Out = Path("results")) -> None:
         found = parameters(progress=progress)
     file = plot.save(over_errors(found, ERRORS), to / "ukf_parameters.png")
     show(*parameter_tables(found, ERRORS, 0.0))
-    written(file)
+    say_written(file)
     wrong = {}
     for r in RESISTANCES:
         with bar(f"resistance {100 * r:+g} %, runs") as progress:

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from gapsense.cosim import Result
 from gapsense.estimators.monitor.signatures import CAUSES
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend_below, line, panels, recorded, shade
+from gapsense.report.plot import FIRST, SECOND, TRUE, legend_below, line, panels, require_recorded, shade
 from gapsense.report.table import table
 
 from .cases import CASES, Course
@@ -27,7 +27,7 @@ Found = Mapping[str, Sequence[Sequence[Span]]]
 
 def run_figure(result: Result) -> Figure:
     """One run: what the mover does, how strange operations are, what speaks for which cause, the verdict."""
-    recorded(result, NEEDED)
+    require_recorded(result, NEEDED)
     figure, axes = panels(result.run.title, len(LABELS), 1, size=(9.0, 7.0), sharex=True)
     position, size, evidence, verdict = axes[:, 0]
     t = result.times

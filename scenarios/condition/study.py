@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import Out, study
-from gapsense.cli.console import bar, show, written
+from gapsense.cli.console import bar, say_written, show
 from gapsense.studies import FIGURES
 
 FIGURES["condition"] = f"{__package__}.show:run_figure"
@@ -36,4 +36,4 @@ def condition(
     with bar("healthy, runs") as progress:
         said = alarms(healthy, seed + 1, LONG, after(progress, 0, healthy))
     show(*cases_table(found, COURSE), alarm_sentence(said))
-    written(plot.save(causes_figure(found, COURSE), to / "condition.png"))
+    say_written(plot.save(causes_figure(found, COURSE), to / "condition.png"))

@@ -218,7 +218,7 @@ def short(number: float) -> str:
 
 def run_figure(result: Result) -> Figure:
     """The second cycle of a run: voltage, current and the truth, then the errors of a few estimators per row."""
-    plot.recorded(result, [*signals(), "sensor.voltage_measured", "sensor.current_measured"])
+    plot.require_recorded(result, [*signals(), "sensor.voltage_measured", "sensor.current_measured"])
     groups, seen = families(), (result.times >= learnt(result)) & (result.times < 2.0 * learnt(result))
     title = f"{result.run.scenario}: {result.run.title}"
     size = (plot.PAGE, 2.5 + 1.9 * len(groups))

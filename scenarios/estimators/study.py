@@ -9,7 +9,7 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli.common import Fmus, Out, Scenario, study
-from gapsense.cli.console import COMPONENT_FAILED, INTERRUPTED, bar, problem, show, written
+from gapsense.cli.console import COMPONENT_FAILED, INTERRUPTED, bar, problem, say_written, show
 from gapsense.studies import FIGURES
 
 Variants = Annotated[
@@ -48,7 +48,7 @@ def estimators(
     drawn = {"estimators": of(found, CONDITIONS), "estimators_held_out": of(found, HOLD_OUTS)}
     pictures = [plot.save(conditions(runs), to / f"{name}.png") for name, runs in drawn.items() if runs]
     write_atomically(to / "estimators.md", lambda file: print(markdown(found), end="", file=file))
-    written(*pictures, to / "estimators.md")
+    say_written(*pictures, to / "estimators.md")
 
 
 def one(scenario: Path, variant: str | None, seeds: int, workers: int, fmus: Path | None, to: Path) -> cosim.Sweep:

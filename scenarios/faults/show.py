@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.cosim import Result
-from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend_below, line, panels, recorded, shade
+from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend_below, line, panels, require_recorded, shade
 from gapsense.report.table import quantity, table
 
 LABELS = ("current / mA", "position / mm", "resistance / Ohm", "health")
@@ -33,7 +33,7 @@ def run_figure(result: Result) -> Figure:
 def side_by_side(results: Mapping[str, Result], title: str) -> Figure:
     """A column for each run: what the estimators get for the current, their positions and resistances, their health."""
     for result in results.values():
-        recorded(result, NEEDED)
+        require_recorded(result, NEEDED)
     size = (1.2 + 1.56 * max(3, len(results)), 7.0)
     figure, axes = panels(title, len(LABELS), len(results), size=size, sharex=True, sharey="row")
     for column, (name, result) in enumerate(results.items()):

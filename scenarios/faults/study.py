@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gapsense.cli.common import Fmus, Out, Scenario, study
-from gapsense.cli.console import APART, show, stop_if_interrupted, written
+from gapsense.cli.console import APART, say_written, show, stop_if_interrupted
 from gapsense.studies import FIGURES
 
 SENSOR = ("bias", "drift", "stuck", "dropout", "noise")  # variants drawn side by side
@@ -28,4 +28,4 @@ def faults(scenario: Scenario = Path("faults"), fmus: Fmus = None, to: Out = Pat
     show(metrics_table(results))
     chosen = {name: results[name] for name in SENSOR if name in results} or results
     figure = side_by_side(chosen, "Faults of the current sensor (grey), and what three estimators do with them")
-    written(plot.save(figure, to / "faults.png"))
+    say_written(plot.save(figure, to / "faults.png"))

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from gapsense.cosim import Result
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, legend, line, recorded, stack
+from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, legend, line, require_recorded, stack
 
 LABELS = ["voltage / V", "current / mA", "position / mm", "velocity\n/ (mm/s)", "mode"]
 SIGNALS = (  # of the magnet, of its filters, factor for display
@@ -24,7 +24,7 @@ def run_figure(result: Result) -> Figure:
     filters = {name: style for name, style in FILTERS.items() if name in result.run.components}
     estimates = [f"{name}.{estimate}" for name in filters for _, estimate, _ in SIGNALS]
     truths = [f"magnet.{truth}" for truth, _, _ in SIGNALS]
-    recorded(result, ["drive.voltage", "sensor.current_measured", *truths, *estimates])
+    require_recorded(result, ["drive.voltage", "sensor.current_measured", *truths, *estimates])
     figure, axes = stack(f"{result.run.title}, {result.run.scenario}", LABELS, [0.6, 1.2, 1.0, 1.0, 1.0])
     edge = last_edge(result)
     rows = np.flatnonzero((result.times >= edge - BEFORE) & (result.times <= edge + AFTER))

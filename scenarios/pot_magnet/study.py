@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import Out, study
-from gapsense.cli.console import bar, show, written
+from gapsense.cli.console import bar, say_written, show
 from gapsense.studies import FIGURES
 
 FIGURES["pot_magnet"] = f"{__package__}.figure:run_figure"
@@ -32,4 +32,4 @@ def hybrid_ekf(
     figures = {"time": over_time(found), "noise": over_noise(found)}
     files = [plot.save(figure, to / f"hybrid_ekf_{orientation}_{name}.png") for name, figure in figures.items()]
     show(*tables(found, orientation, seeds))
-    written(*files)
+    say_written(*files)

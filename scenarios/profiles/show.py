@@ -83,7 +83,7 @@ def published(errors: Errors) -> Iterator[str]:
 
 def run_figure(result: Result) -> Figure:
     """Figure 12: one cycle, and its making and breaking with reference and estimates; positions normalised."""
-    plot.recorded(result, SIGNALS)
+    plot.require_recorded(result, SIGNALS)
     profile = line_up(result)
     figure: Any = Figure(figsize=(9.0, 8.5), layout="constrained")
     figure.suptitle(f"{result.run.scenario}: {result.run.title}")

@@ -10,7 +10,7 @@ import typer
 
 from gapsense.cli import common, console
 from gapsense.cli.common import Fmus, Out, Scenario, Workers, study
-from gapsense.cli.console import bar, problem, show, written
+from gapsense.cli.console import bar, problem, say_written, show
 from gapsense.studies import FIGURES, refuse_unrecorded
 
 ALL = (None, "thresholds", "threshold_mode", "early")
@@ -76,4 +76,4 @@ def evaluated(files: Sequence[Path], to: Path) -> None:
     title = f"{first.run.scenario}: {first.run.title}"
     show(title, *summary(lined_up, errors))
     drawn = {12: run_figure(first), 14: trajectories(lined_up, title), 15: boxes(errors, title)}
-    written(*(plot.save(figure, to / f"{common.stem(first)}_{number}.png") for number, figure in drawn.items()))
+    say_written(*(plot.save(figure, to / f"{common.stem(first)}_{number}.png") for number, figure in drawn.items()))

@@ -23,7 +23,7 @@ LIGHTEST = 0.8  # of the colours
 
 def run_figure(result: Result) -> Figure:
     """Gap over the time since the cycle began, later cycles lighter; impact speeds and planned approaches by cycle."""
-    plot.recorded(result, SIGNALS)
+    plot.require_recorded(result, SIGNALS)
     figure, axes = plot.panels(result.run.title, 1, 2, (plot.PAGE, 4.4))
     parts = cycles(result)
     _motions(axes[0, 0], result, parts)

@@ -79,6 +79,8 @@ DEMANDS = tuple(
         ("told-noise untold-noise", "contact", "median", 10, 0.14),
         ("told-noise untold-noise", "contact", "90 %", 10, 0.22),
         ("untold-noise", "both", "median", -LAST, 0.13),
+        ("late", "contact", "median", -LAST, 0.12),
+        ("late", "contact", "worst", -LAST, 0.30),
         ("bounce late", "both", "median", 10, 0.12),
         ("bounce late", "both", "90 %", 20, 0.30),
     )

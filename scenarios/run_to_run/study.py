@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import Out, Workers, study
-from gapsense.cli.console import bar, show, written
+from gapsense.cli.console import bar, say_written, show
 from gapsense.studies import FIGURES
 
 FIGURES["run_to_run"] = f"{__package__}.figure:run_figure"
@@ -43,4 +43,4 @@ def run_to_run(
     with bar("actuators") as progress:
         found = compared(wanted, runs, cycles, seed, workers, to / "run_to_run.sqlite", progress)
     show(*tables(found), f"{found.computed} tasks computed now.")
-    written(*(plot.save(figure, to / f"run_to_run_{name}.png") for name, figure in figures(found).items()))
+    say_written(*(plot.save(figure, to / f"run_to_run_{name}.png") for name, figure in figures(found).items()))

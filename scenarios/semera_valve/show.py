@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.cosim import Result
-from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, recorded, stack
+from gapsense.report.plot import FAINT, FIRST, SECOND, THIRD, TRUE, Vector, legend, line, require_recorded, stack
 from gapsense.report.table import table
 
 from .observability import TOLERANCE, flux_state_matrix, observability_matrix, rank, steps_since_observable
@@ -63,7 +63,7 @@ def plant_of(result: Result) -> str:
     plant = next((name.partition(".")[0] for name in result.signals if name.endswith(".position")), "<actuator>")
     estimated = [f"{e}.{s}" for e in ("semera", "integral", "offline") for s in FACTORS]
     truths = [f"{plant}.{signal}" for signal in ("position", "current", "inductance", "flux_linkage")]
-    recorded(result, (*truths, *OTHERS, *estimated))
+    require_recorded(result, (*truths, *OTHERS, *estimated))
     return plant
 
 

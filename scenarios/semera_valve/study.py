@@ -9,7 +9,7 @@ import typer
 
 from gapsense import cosim
 from gapsense.cli.common import Fmus, Out, Scenario, Variant, study
-from gapsense.cli.console import APART, bar, show, stop_if_interrupted, written
+from gapsense.cli.console import APART, bar, say_written, show, stop_if_interrupted
 from gapsense.studies import FIGURES
 
 FIGURES["semera"] = f"{__package__}.show:run_figure"
@@ -47,4 +47,4 @@ def measuring(
         show(outcome_table(found))
         files.append(to / "measuring.md")
         write_atomically(files[-1], lambda file: print(markdown(found), end="", file=file))
-    written(*files)
+    say_written(*files)

@@ -88,7 +88,7 @@ def follow(m: Motion, H_e: float, act: Actuator, times: Vector) -> Cycle:
 
 def _row(t: float, m: Motion, flux: Flux, field: float, act: Actuator) -> tuple[float, ...]:
     """What a `Cycle` has at one instant."""
-    H_e, x = hysteresis.settled(flux.flux, field, act.core), mechanics(t, m)
+    H_e, x = hysteresis.settle_field(flux.flux, field, act.core), mechanics(t, m)
     H_c = H_e - act.core.coupling * hysteresis.magnetization(flux.flux, H_e, act.core)
     mmf = flux.reluctance * flux.flux + H_c * act.core.length  # (5) and (6)
     i = (mmf + act.eddy * flux.rate) / act.turns  # (2), with the current of the eddies (3)

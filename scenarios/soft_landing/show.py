@@ -10,7 +10,20 @@ from rich.table import Table
 
 from gapsense.actuators.motion import CLOSED, MOVING, OPEN
 from gapsense.cosim import Result
-from gapsense.report.plot import FAINT, FIRST, PAGE, SECOND, THIRD, TRUE, Vector, dress, legend, line, recorded, stack
+from gapsense.report.plot import (
+    FAINT,
+    FIRST,
+    PAGE,
+    SECOND,
+    THIRD,
+    TRUE,
+    Vector,
+    dress,
+    legend,
+    line,
+    require_recorded,
+    stack,
+)
 from gapsense.report.table import table
 
 from .inverse import Cycle
@@ -80,7 +93,9 @@ def run_figure(result: Result) -> Figure:
     """Measurements, position, and errors of all estimators."""
     names = (f"{n}.smoothed_{what}" for n in SMOOTHERS for what in ("published", "time", "position", "velocity"))
     truths = ("actuator.position", "actuator.velocity", "actuator.mode")
-    recorded(result, ("drive.voltage", "sensor.current_measured", "ekf.position", "ekf.velocity", *truths, *names))
+    require_recorded(
+        result, ("drive.voltage", "sensor.current_measured", "ekf.position", "ekf.velocity", *truths, *names)
+    )
     drawn, (voltage, current, position, *errors) = stack(result.run.title, LABELS, HEIGHTS)
     rows = result.stepped("sensor.current_measured")
     t = result.times[rows]

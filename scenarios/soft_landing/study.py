@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from gapsense.cli.common import FigureFile, Out, Output, Workers, command, study
-from gapsense.cli.console import bar, show, written
+from gapsense.cli.console import bar, say_written, show
 from gapsense.studies import FIGURES
 
 from .trajectory import FIG_5, Trajectory
@@ -79,7 +79,7 @@ def reference_cycle(parameters: File = None, to: FigureFile = Path("results/refe
     with bar("finding the voltage") as progress:
         cycle = soft_landing(parameters_of("reluctance_actuator", parameters), progress=progress)[-1]
     show(phases(cycle))
-    written(plot.save(figure(cycle), to))
+    say_written(plot.save(figure(cycle), to))
 
 
 @study("reduced-fit")
@@ -137,7 +137,7 @@ def observability_rts(to: FigureFile = Path("results/observability_rts.png")) ->
     with bar("samples") as progress:
         observed = along_reference_cycle(progress=progress)
     show(*counts(observed))
-    written(plot.save(figure(observed), to))
+    say_written(plot.save(figure(observed), to))
 
 
 @study("monte-carlo")
@@ -167,7 +167,7 @@ def monte_carlo(
     write_atomically(to / "monte_carlo.csv", lambda file: write_columns(file, columns(found)))
     k = min(range(len(chosen)), key=lambda k: abs(chosen[k] - DRAWN))
     drawn = {"monte_carlo": errors(found), "monte_carlo_worst": worst_case(reference, found, k)}
-    written(*(plot.save(figure, to / f"{name}.png") for name, figure in drawn.items()))
+    say_written(*(plot.save(figure, to / f"{name}.png") for name, figure in drawn.items()))
 
 
 @study("consistency")
@@ -190,7 +190,7 @@ def consistency(
         found = covariances.consistency(reference, width / 100.0, runs, progress)
     show(summary(found))
     drawn = {"consistency_nees": squared(found), "consistency_nee": single(found)}
-    written(*(plot.save(figure, to / f"{name}.png") for name, figure in drawn.items()))
+    say_written(*(plot.save(figure, to / f"{name}.png") for name, figure in drawn.items()))
 
 
 def numbers(text: str) -> tuple[float, ...]:

@@ -104,7 +104,7 @@ def inspect(
     from gapsense.identification.measurements.reading import read_records, reading
     from gapsense.identification.show import about
 
-    picture = checked(figure)
+    picture = check_figure(figure)
     how = reading(pairs(column), separator=separator, decimal=decimal, may_clip=True)
     with files(data) as paths:
         records = read_records(paths, how, needs="samples")
@@ -153,7 +153,7 @@ def identify(
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
-    known = named(parameters)
+    known = find_file(parameters)
     others: dict[str, Any] = {"model": model, "period": period, "temperature": temperature, "forms": forms}
     others |= {"hold": pairs(hold), "inductance": path(inductance), "driver": driver, "accuracy": accuracy}
     if commission:
@@ -162,7 +162,7 @@ def identify(
         form |= {"assume": assume, "validate": validate, "voltage": voltage}
         return _commission(data, believed, **form, out=out, figure=figure, progress=progress)
     with files(data) as paths, files(validate) as kept, set_file(out) as (to, folder):
-        how, picture = reading(pairs(column), voltage, separator, decimal, clipped), checked(figure)
+        how, picture = reading(pairs(column), voltage, separator, decimal, clipped), check_figure(figure)
         given = way.read(paths, how, kept, known, assume, **others)
         found = way.identify(given, to, starts, seed, progress)._asdict()
         return answer(found.pop("shown"), found.pop("figure"), picture, to=to, kept=folder, **found)
@@ -198,7 +198,7 @@ def commission(
     from gapsense.identification.parameter_set import parameters_of, read_sets
     from gapsense.identification.scale import GUESSED
 
-    picture, believed = checked(figure), shipped(parameters)
+    picture, believed = check_figure(figure), shipped(parameters)
     known, (given, marked) = parameters_of("mhe", believed), read_sets([believed])
     lacking = show.missing(known, {*given} - {*marked})
     if not assume:
@@ -264,7 +264,7 @@ def gap_law(
     from gapsense.identification.parameter_set import parameters_of, read_sets
     from gapsense.identification.valve.show import BY_NAME
 
-    picture, source, known = checked(figure), Path(data), path(parameters)
+    picture, source, known = check_figure(figure), Path(data), path(parameters)
     given, marked = read_sets([known] if known else [])
     par = parameters_of("solenoid_valve", known)
     is_assumed = turns_are_assumed(turns, given, marked, assume, TABLE_I)
@@ -324,7 +324,7 @@ def fem(
     from gapsense.identification.scale import GUESSED, untold_losses
     from gapsense.identification.valve.show import BY_NAME
 
-    picture, source, how = checked(figure), Path(data), reading(pairs(column), "end", separator, decimal)
+    picture, source, how = check_figure(figure), Path(data), reading(pairs(column), "end", separator, decimal)
     known, marked = read_sets([Path(parameters)] if parameters else [])
     no_turns = turns_are_assumed(turns, known, marked, assume, "the component `Mhe`")
     number = float(turns or known.get("coil.turns", BY_NAME["coil.turns"].start))
@@ -384,7 +384,7 @@ def estimate(
     from gapsense.identification.parameter_set import read_sets, take_values
     from gapsense.identification.show import about
 
-    picture, every, folder = checked(figure), components_folder(), path(fmus) or find_fmus(Path("here"))
+    picture, every, folder = check_figure(figure), components_folder(), path(fmus) or find_fmus(Path("here"))
     sets = [shipped(file) for file in ([parameters] if isinstance(parameters, (str, Path)) else parameters)]
     wanted = ",".join([estimator] if isinstance(estimator, str) else estimator or ()) or None
     with files(data) as paths:
@@ -470,7 +470,7 @@ def tolerances(rtol: float, atol: float, edge_steps: int, exceptions: Sequence[s
     own, problems = {}, []
     for text in exceptions:
         pattern, _, numbers = text.rpartition("=")
-        values = parsed(numbers)
+        values = parse_numbers(numbers)
         if not pattern or not 1 <= len(values) <= 2 or not are_tolerances(values):
             problems.append(f"--tolerance, {text}: `PATTERN=RTOL` or `PATTERN=RTOL,ATOL` expected. Correct it.")
         else:
@@ -483,8 +483,8 @@ def tolerances(rtol: float, atol: float, edge_steps: int, exceptions: Sequence[s
     return Baseline(Path(), None, Tolerance(rtol, atol, edge_steps), own)
 
 
-def parsed(text: str) -> list[float]:
-    """Numbers with commas between; none if something else is there."""
+def parse_numbers(text: str) -> list[float]:
+    """Parse numbers with commas between; none if something else is there."""
     try:
         return [float(part) for part in text.split(",")]
     except ValueError:
@@ -508,13 +508,13 @@ def path(file: File | None) -> Path | None:
     return None if file is None else Path(file)
 
 
-def named(file: File | None) -> Path | None:
-    """A file, or the sample of that name that comes with Gapsense."""
+def find_file(file: File | None) -> Path | None:
+    """Find a file, or the sample of that name that comes with Gapsense."""
     return None if file is None else shipped(file)
 
 
-def checked(figure: File | None) -> Path | None:
-    """A file name that a figure can be written to; checked before a long run."""
+def check_figure(figure: File | None) -> Path | None:
+    """Check, before a long run, that a figure can be written to this file."""
     if figure is not None:
         from gapsense.report import plot
 

@@ -93,11 +93,11 @@ def core_problem(values: Mapping[str, Value], names: Container[str]) -> str:
 
 def located_values(table: Table, folder: Path) -> dict[str, Value]:
     """Values of a table by dotted name, with the files among them as absolute paths."""
-    return {name: located(name, value, folder, table) for name, value in table.flat(SCALAR).items()}
+    return {name: locate_file(name, value, folder, table) for name, value in table.flat(SCALAR).items()}
 
 
-def located(name: str, value: Value, folder: Path, table: Table) -> Value:
-    """The value; a file becomes an absolute path, and must exist."""
+def locate_file(name: str, value: Value, folder: Path, table: Table) -> Value:
+    """Make the path of a file absolute; it must exist. Other values stay."""
     if not is_file(name, value):
         return value
     path = (folder / str(value)).resolve()

@@ -86,8 +86,8 @@ def number_of(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def between(low: float | None, high: float | None, form: str = "g") -> str:
-    """Limits in words, each with a format; nothing without any."""
+def format_limits(low: float | None, high: float | None, form: str = "g") -> str:
+    """Write limits in words, each with a format; nothing without any."""
     if low is None:
         return "" if high is None else f"at most {high:{form}}"
     return f"at least {low:{form}}" if high is None else f"{low:{form}} to {high:{form}}"
@@ -110,7 +110,7 @@ def listing(names: Sequence[str]) -> str:
     return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"
 
 
-def required(package: str) -> None:
+def require_package(package: str) -> None:
     """Raise an InputError if a package of the extra is not installed."""
     try:
         import_module(package)

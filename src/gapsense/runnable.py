@@ -30,7 +30,7 @@ from gapsense.fmi.values import ValuesError, fields, wrong_value
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.parameters import core_problem, read_parameters
-from gapsense.problems import ScenarioError, between, suggest
+from gapsense.problems import ScenarioError, format_limits, suggest
 
 Floats = npt.NDArray[np.float64]
 SAMPLE_TIME = "sample_time"
@@ -191,7 +191,7 @@ class Runnable:
         ValueError
             In the words of the FMU, for inputs that it does not take or outputs that are not finite.
         """
-        values, step = self._sampled(sample_time)
+        values, step = self._with_sample_time(sample_time)
         inputs = self._inputs(signals, named)
         is_single = all(x.ndim < 2 for x in inputs)
         shape = np.broadcast_shapes((1, 1), *(x.shape for x in inputs))
@@ -213,9 +213,9 @@ class Runnable:
 
         The first call after the beginning or `reset` is the initialisation, as row 0 of `run`.
         """
-        values, step = self._sampled(sample_time)
+        values, step = self._with_sample_time(sample_time)
         inputs = [float(x) for x in self._inputs(signals, named)]
-        prepared = self._usual if values is self._values else self._prepared(values)
+        prepared = self._usual if values is self._values else self._prepare_constants(values)
         state, time, dt = (None, 0.0, 0.0)
         if self._moment is not None:
             state, time, dt = self._moment.state, self._moment.time + step, step
@@ -248,8 +248,8 @@ class Runnable:
 
     @cached_property
     def _usual(self) -> tuple[Any, Any]:
-        """What `_prepared` makes of the component's own parameters."""
-        return self._prepared(self._values)
+        """What `_prepare_constants` makes of the component's own parameters."""
+        return self._prepare_constants(self._values)
 
     @cached_property
     def _clocks(self) -> int:
@@ -260,8 +260,8 @@ class Runnable:
     def _has_ranges(self) -> bool:
         return any((port.min, port.max) != (None, None) for port in self.ports.of("input"))
 
-    def _sampled(self, sample_time: float | None) -> tuple[dict[str, Any], float]:
-        """Fields of the parameters, and the step between two rows [s]."""
+    def _with_sample_time(self, sample_time: float | None) -> tuple[dict[str, Any], float]:
+        """Take a sample time: fields of the parameters with it, and the step between two rows [s]."""
         usual = self.parameters.get(SAMPLE_TIME, self.ports.step_size)
         step = float(usual if sample_time is None else sample_time)
         if SAMPLE_TIME in self.parameters and step != usual:
@@ -316,7 +316,7 @@ class Runnable:
         self, inputs: list[Floats], run: int, values: Mapping[str, Any], start: float, step: float
     ) -> Floats:
         """The outputs of one run (outputs, samples) by the scalar code."""
-        advance, state, found = self._advance(self._prepared(values)), None, array("d")
+        advance, state, found = self._advance(self._prepare_constants(values)), None, array("d")
         count = len(inputs[0][run])
         times, steps = start + (np.arange(count) - 1.0) * step + step, np.full(count, step)
         times[0], steps[0] = start, 0.0
@@ -330,8 +330,8 @@ class Runnable:
             found.extend(made)
         return np.frombuffer(found).reshape(count, -1).T
 
-    def _prepared(self, values: Mapping[str, Any]) -> tuple[Any, Any]:
-        """Flat parameters, and the constants that a step needs of them."""
+    def _prepare_constants(self, values: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Compute the constants that a step needs of the parameters; these, flat, come first."""
         scalar = self.kernel.scalar
         par = tuple(values[name] for name in names(self.kernel.module.Parameters))
         return par, scalar["constants"](par)
@@ -346,7 +346,7 @@ class Runnable:
         clocks, inputs, outputs = self._clocks, self.ports.of("input"), self.ports.of("output")
         survives, has_ranges = self.ports.survives, self._has_ranges
 
-        def advanced(state: Any, row: Sequence[float]) -> tuple[Sequence[float], Any]:
+        def advance_checked(state: Any, row: Sequence[float]) -> tuple[Sequence[float], Any]:
             if not survives:
                 if not isfinite(sum(row)):
                     failing().refuse_non_finite(inputs, row[clocks:], "inputs_not_finite")
@@ -357,7 +357,7 @@ class Runnable:
                 failing().refuse_non_finite(outputs, made, "outputs_not_finite")
             return made, state
 
-        return advanced
+        return advance_checked
 
 
 @cache
@@ -377,7 +377,7 @@ def component_class(name: str) -> type[Runnable]:
     """The class of the component of that name."""
     folder = own(name)
     ports = load_component(folder)
-    own_names = {"ports": ports, "folder": folder, "kernel": kernel_of(ports), "__doc__": documented(ports)}
+    own_names = {"ports": ports, "folder": folder, "kernel": kernel_of(ports), "__doc__": make_docstring(ports)}
     made = type(ports.name, (Runnable,), {**own_names, "__module__": "gapsense"})
     keywords = [Parameter(p.field, Parameter.KEYWORD_ONLY, default=p.start) for p in ports.of("parameter")]
     made.__signature__ = Signature(keywords)  # type: ignore[attr-defined]
@@ -390,8 +390,8 @@ def number(port: Port, value: Any) -> Any:
     return float(value) if port.kind == "Real" and is_number else value
 
 
-def documented(ports: Component) -> str:
-    """Docstring of a class: parameters, inputs and outputs with units, ranges and start values."""
+def make_docstring(ports: Component) -> str:
+    """Write the docstring of a class: parameters, inputs and outputs with units, ranges and start values."""
 
     def chapter(title: str, found: Sequence[Port], line: Callable[[Port], str]) -> str:
         lines = [f"{line(port)}\n    {port.description}." for port in found]
@@ -400,18 +400,20 @@ def documented(ports: Component) -> str:
     return "\n".join(
         [
             f"{ports.description}.",
-            chapter("Parameters", ports.of("parameter"), lambda p: f"{p.field} : {typed(p)}, by default {p.start!r}"),
-            chapter("Inputs of run and step", ports.of("input"), lambda p: f"{p.name} : {typed(p)}"),
-            chapter("Outputs", ports.of("output"), lambda p: f"{p.name} : {typed(p)}"),
+            chapter(
+                "Parameters", ports.of("parameter"), lambda p: f"{p.field} : {describe_type(p)}, by default {p.start!r}"
+            ),
+            chapter("Inputs of run and step", ports.of("input"), lambda p: f"{p.name} : {describe_type(p)}"),
+            chapter("Outputs", ports.of("output"), lambda p: f"{p.name} : {describe_type(p)}"),
         ]
     )
 
 
-def typed(port: Port) -> str:
-    """Type, unit and range of a port in a docstring."""
+def describe_type(port: Port) -> str:
+    """Give type, unit and range of a port as a docstring has them."""
     kind = TYPES[port.kind]
     unit = f" [{port.unit}]" if port.kind == "Real" and port.unit != "1" else ""
-    span = f", {limits}" if (limits := between(port.min, port.max)) else ""
+    span = f", {limits}" if (limits := format_limits(port.min, port.max)) else ""
     choices = f", one of {', '.join(port.choices)}" if port.choices else ""
     optional = ", optional" if port.is_optional else ""
     return f"{kind}{unit}{span}{choices}{optional}"

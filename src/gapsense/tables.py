@@ -153,8 +153,8 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
     return None
 
 
-def parsed(text: str) -> dict[str, Any] | None:
-    """What a text says in TOML, or None if it is none."""
+def parse_toml(text: str) -> dict[str, Any] | None:
+    """Parse a text as TOML; None if it is none."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError):
@@ -163,16 +163,16 @@ def parsed(text: str) -> dict[str, Any] | None:
 
 def parsed_value(text: str) -> Any:
     """What a text means as the value of a key; one that TOML does not take as a value means itself."""
-    read = parsed(f"value = {text}")
+    read = parse_toml(f"value = {text}")
     return read["value"] if read and len(read) == 1 else text
 
 
-def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """`base` with `changes` laid over it: tables are merged key by key, everything else is replaced."""
+def merge_tables(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay `changes` over `base`: tables are merged key by key, everything else is replaced."""
     out = dict(base)
     for key, value in changes.items():
         old = out.get(key)
-        out[key] = merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+        out[key] = merge_tables(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
     return out
 
 
@@ -248,7 +248,7 @@ class Table:
     def flat(self, kind: Kind) -> dict[str, Any]:
         """Values of that kind by dotted name; `[coil] resistance` means the same as `"coil.resistance"`."""
         out: dict[str, Any] = {}
-        for name, value in flattened(self.data):
+        for name, value in flatten_table(self.data):
             if name in out:
                 self.note(name, "given twice, once as a dotted key and once in a table. Remove one.")
             elif not kind.accepts(value):
@@ -264,11 +264,11 @@ class Table:
                 self.note(key, f"unknown key. {suggest(key, self.asked)} Correct or remove it.")
 
 
-def flattened(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Pairs of dotted name and value, depth first."""
+def flatten_table(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield pairs of dotted name and value, depth first."""
     for key, value in data.items():
         if isinstance(value, dict):
-            yield from flattened(value, f"{prefix}{key}.")
+            yield from flatten_table(value, f"{prefix}{key}.")
         else:
             yield prefix + key, value
 
@@ -276,14 +276,14 @@ def flattened(data: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 def refusal(value: Any, kind: Kind) -> str:
     """What a message says of a value of another kind: of a list, of its first wrong item."""
     if kind.of and isinstance(value, list) and (wrong := [item for item in value if not kind.of.accepts(item)]):
-        return f"{found(wrong[0])} found in the list, {kind.of.name} expected. Correct the value."
+        return f"{describe_value(wrong[0])} found in the list, {kind.of.name} expected. Correct the value."
     is_large = kind in (COUNT, INDEX) and is_integer(value) and value > MOST
     limit = f", at most {MOST} (2^53)," if is_large else ""
-    return f"{found(value)} found, {kind.name}{limit} expected. Correct the value."
+    return f"{describe_value(value)} found, {kind.name}{limit} expected. Correct the value."
 
 
-def found(value: Any) -> str:
-    """How a message names a value that was not expected."""
+def describe_value(value: Any) -> str:
+    """Describe, for a message, a value that was not expected."""
     if isinstance(value, dict) or (isinstance(value, list) and any(isinstance(item, dict) for item in value)):
         return "a table" if isinstance(value, dict) else "a list"
     if isinstance(value, bool):

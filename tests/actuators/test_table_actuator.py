@@ -85,7 +85,7 @@ def test_current_and_force_are_slopes_of_one_energy(h, lam):
         assert level.value == pytest.approx(float(along(lam) if lam <= last else straight), abs=1e-10)
 
 
-@pytest.mark.parametrize("hysteresis", [0.0, 1.0])
+@pytest.mark.parametrize("hysteresis", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
 def test_it_is_the_reluctance_actuator(hysteresis, tmp_path):
     """To what 11 gaps and 29 flux linkages tell; four times as many of both tell a hundred times more."""
     names, voltage = ("position", "current", "force", "hysteresis_energy", "eddy_energy", "mode"), square_wave()

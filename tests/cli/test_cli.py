@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from gapsense.cli import app
-from gapsense.cli.console import reported
+from gapsense.cli.console import report_errors
 from gapsense.cosim.run.loop import compiled
 from gapsense.kernels.trace import TraceError
 from gapsense.version import __version__
@@ -65,7 +65,7 @@ def test_wrong_usage_is_wrong_input(gapsense, arguments):
 
 
 def test_kernel_that_cannot_be_traced_is_wrong_input(capsys):
-    with pytest.raises(SystemExit) as end, reported():
+    with pytest.raises(SystemExit) as end, report_errors():
         raise TraceError("kernel.py:3, in step: `if` on a traced value. Use where().")
     assert end.value.code == 2
     assert capsys.readouterr().err == "kernel.py:3, in step: `if` on a traced value. Use where().\n"

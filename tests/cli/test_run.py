@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gapsense.cli.straight import straight
+from gapsense.cli.straight import parse_run
 
 
 @pytest.mark.parametrize(
@@ -24,7 +24,7 @@ from gapsense.cli.straight import straight
     ],
 )
 def test_usual_options_are_understood(words, given):
-    assert straight(words) == given
+    assert parse_run(words) == given
 
 
 @pytest.mark.parametrize(
@@ -36,12 +36,12 @@ def test_usual_options_are_understood(words, given):
     ],
 )
 def test_other_words_are_left_to_the_command_line(words):
-    assert straight(words) is None
+    assert parse_run(words) is None
 
 
 def test_shell_that_asks_for_completions_gets_them_from_the_command_line(monkeypatch):
     monkeypatch.setenv("_GAPSENSE_COMPLETE", "complete_bash")
-    assert straight(["a"]) is None
+    assert parse_run(["a"]) is None
 
 
 def test_usual_run_loads_neither_typer_nor_fmpy(tmp_path):

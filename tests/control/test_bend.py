@@ -5,14 +5,16 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import bend, laws, run_to_run
-from gapsense.control.judging import FELT, _slowest, _timed, judged_by_contact, judged_by_current
+from gapsense.control.judging import FELT, _slowest, _timed, judged_by_contact, judged_by_current, listened
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import stops
 from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
 from gapsense.estimators.mhe.model import gap, make_gap
+from gapsense.kernels.layout import blank
 
 PAR = parameters()
 FLUX, LANDING, AGE = 0.011, 240.0, 400.0
+PIECE = bend.piece(0.0, PAR)
 GROWTH = 4e3  # of the reluctance by the flux linkage in a core that saturates [1/(H Wb)]
 
 
@@ -33,7 +35,7 @@ def hit(half, speed, landing=LANDING, fluxes=FLUX, growth=0.0):
     memory["charges"][round(half) * LONGEST :][:LONGEST] = charges
     known = state.laws
     for each, travel in ((CLOSING, PAR.closing_travel), (OPENING, PAR.opening_travel)):
-        law = laws.first(travel, PAR)._replace(was_plain=0.0, speed=PAR.approach_least, length=AGE)
+        law = laws.first(travel, 0.0, PAR)._replace(was_plain=0.0, speed=PAR.approach_least, length=AGE)
         known = laws.write(known, each, law)
     running = state.running._replace(command=half, age=AGE, is_plain=0.0, speed=PAR.approach_least)
     return state._replace(**memory, laws=known, running=running)
@@ -42,18 +44,18 @@ def hit(half, speed, landing=LANDING, fluxes=FLUX, growth=0.0):
 @pytest.mark.parametrize("half", [CLOSING, OPENING])
 @pytest.mark.parametrize("speed", [0.05, 0.1, 0.5])
 def test_bend_of_the_current_is_the_speed(half, speed):
-    found, noise = bend.speed_at(hit(half, speed), half, LANDING, PAR)
+    found, noise = bend.speed_at(hit(half, speed), half, LANDING, PIECE, PAR)
     assert found == pytest.approx(speed, rel=0.1) and 0.0 < noise < 0.1
 
 
 @pytest.mark.parametrize("landing", [0.0, 10.0, AGE - 5.0, 1023.0])
 def test_pieces_that_were_not_kept_tell_nothing(landing):
-    assert bend.speed_at(hit(CLOSING, 0.5, landing), CLOSING, landing, PAR) == (0.0, bend.UNKNOWN)
+    assert bend.speed_at(hit(CLOSING, 0.5, landing), CLOSING, landing, PIECE, PAR) == (0.0, bend.UNKNOWN)
 
 
 def watched(state, contact):
     """Every sample, until the operation has ended."""
-    state = state._replace(heard=Heard(2.0, 1.0, 80.0, 0.0, 0.0, 0.0))
+    state = state._replace(heard=blank(Heard, last_mode=2.0, began=1.0, takeoff=80.0))
     for k in range(81, round(AGE)):
         landing = contact if k >= contact > 0.0 else 0.0
         heard = state.heard._replace(landing=landing)
@@ -96,7 +98,7 @@ def test_pieces_are_longer_with_noise_so_that_a_stop_that_is_left_at_once_is_tol
     """Before, noise explained all up to 2 m/s."""
     state = noisy(hit(CLOSING, 1.2, 220.0))
     assert 2.0 * bend.PIECE < state.running.piece * PAR.sample_time < 3.0 * bend.PIECE
-    assert bend.speed_at(state, CLOSING, 220.0, PAR)[1] < 0.1
+    assert bend.speed_at(state, CLOSING, 220.0, state.running.piece, PAR)[1] < 0.1
     told, soft = watched(state, 350.0), watched(noisy(hit(CLOSING, 0.3, 220.0)), 350.0)
     assert told.heard.landing == pytest.approx(220.0, abs=15) and told.noted.hard == told.noted.changed == 1.0
     assert soft.heard.hit == soft.noted.hard == 0.0
@@ -170,7 +172,7 @@ def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_la
     assert bend.arrived(floating, seated, PAR)[1]
     for law in (0.0, 1.0):  # a contact that is only heard after the plan denies nothing
         known = laws.write(floating.laws, CLOSING, laws.read(floating.laws, CLOSING)._replace(seated=seated))
-        heard = Heard(2.0, 1.0, 80.0, 480.0 * (1.0 - law), 0.0, 0.0)
+        heard = blank(Heard, last_mode=2.0, began=1.0, takeoff=80.0, landing=480.0 * (1.0 - law))
         judged = judged_by_current(floating._replace(laws=known, by_model=law, heard=heard), PAR)
         assert judged.noted.changed == 1.0 and judged.alarm == 2.0
 
@@ -283,9 +285,42 @@ def test_a_first_approach_that_lands_in_a_saturated_core_is_not_hard():
     fluxes = FLUX + np.where(samples > 0.0, 5e-5, 2e-5) * samples
     state = hit(CLOSING, 0.4, fluxes=fluxes, growth=GROWTH)
     running = state.running._replace(due=LANDING + 30.0, speed=PAR.approach_first)
-    state = state._replace(running=running, heard=Heard(1.0, 1.0, 80.0, LANDING, 0.0, 0.0))
+    state = state._replace(running=running, heard=blank(Heard, last_mode=1.0, began=1.0, takeoff=80.0, landing=LANDING))
     first, slower = (
         bend.landed(state._replace(running=running._replace(speed=speed)), PAR)
         for speed in (PAR.approach_first, 0.9 * PAR.approach_first)
     )
     assert first == pytest.approx(0.4, abs=0.15) and slower > first + bend.SATURATED
+
+
+def timed(contact, landing=LANDING, speed=1.1, noise=0.0, takeoff=80.0):
+    """An ordinary closing whose contact tells the take-off and the landing at these samples."""
+    state = hit(CLOSING, speed, landing)
+    coil = state.coil._replace(noise=noise)
+    running = state.running._replace(is_plain=1.0, piece=PIECE)
+    state = state._replace(coil=coil, running=running, heard=blank(Heard, last_mode=3.0, began=1.0))
+    for k in range(60, round(AGE)):
+        mode = 3.0 if k < takeoff else 2.0 if k < contact else 1.0
+        state = state._replace(running=state.running._replace(age=float(k)))
+        state = bend.located(state._replace(heard=listened(state, inputs(mode=mode))), PAR)
+    return state
+
+
+@pytest.mark.parametrize("late", [0, 2, 5, 8])
+def test_a_contact_that_is_late_in_an_ordinary_closing_is_taken_to_be_earlier_by_that(late):
+    """100 us are 5 samples; what a prompt one may seem to be late by is none."""
+    state = timed(LANDING + late, takeoff=80.0 + late)
+    expected = late if late > 3 else 0
+    assert state.late == pytest.approx(expected, abs=1) and (state.late == 0.0) == (expected == 0)
+    assert state.heard.landing == LANDING + late - state.late
+    assert state.heard.takeoff == 80.0 + late - state.late
+    opening = state.running._replace(command=OPENING, age=150.0)
+    state = state._replace(running=opening, heard=blank(Heard, last_mode=2.0, takeoff=90.0, taken=state.late))
+    assert listened(state, inputs(mode=3.0)).landing == 150.0 - state.late
+
+
+@pytest.mark.parametrize(("given", "why"), [({"noise": 20e-3}, "noise"), ({"speed": 0.2}, "faint"), ({}, "bounce")])
+def test_what_does_not_tell_a_contact_late_leaves_it_prompt(given, why):
+    """A noisy current, a bend that is faint, and a contact so long after the bend that the mover has bounced."""
+    state = timed(LANDING + (15.0 if why == "bounce" else 5.0), **given)
+    assert state.late == state.contact_late == 0.0 and state.heard.landing > LANDING

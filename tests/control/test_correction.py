@@ -14,8 +14,8 @@ WANTED, ERROR = 0.015, 0.1e-3  # Wb
 def changed(back, misfit=0.5, published=1.0):
     """Places of the errors that change with a value that is so many samples old, and by how much."""
     state, _ = run_to_run.initial(inputs(), PAR)
-    known = laws.write(state.laws, 1.0, laws.first(3e-3, PAR)._replace(length=OLDER))
-    known = laws.write(known, 0.0, laws.first(3e-3, PAR)._replace(length=LAST))
+    known = laws.write(state.laws, 1.0, laws.first(3e-3, 0.0, PAR)._replace(length=OLDER))
+    known = laws.write(known, 0.0, laws.first(3e-3, 0.0, PAR)._replace(length=LAST))
     state = state._replace(
         laws=known,
         running=state.running._replace(command=1.0, age=AGE),

@@ -12,7 +12,7 @@ from gapsense.control.records import LAW
 from gapsense.kernels.layout import zeros
 
 PAR = parameters()
-FIRST = laws.first(PAR.closing_travel, PAR)
+FIRST = laws.first(PAR.closing_travel, 0.0, PAR)
 LEAST = PAR.approach_least
 SPEEDS = st.floats(PAR.approach_least, PAR.approach_first)
 
@@ -46,6 +46,15 @@ def test_landings_in_time_make_approaches_as_slow_as_allowed():
         speeds.append(law.speed)
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[0] == laws.SHRINK * PAR.approach_first and speeds[-1] == PAR.approach_least
+
+
+@pytest.mark.parametrize(("law", "by_model", "first"), [(0.0, 0.0, 0.4), (0.0, 1.0, laws.EXPLAINED), (1.0, 1.0, 0.4)])
+def test_first_approaches_are_slower_once_a_contact_has_handed_over(law, by_model, first):
+    """An estimator has explained the mover by then; alone it begins as it is told, and a slower one stays."""
+    par = PAR._replace(law=law, approach_first=0.4)
+    known = laws.first(3.4e-3, by_model, par)
+    assert known.speed == laws.doubted(known._replace(speed=LEAST), by_model, par).speed == first
+    assert laws.first(3.4e-3, by_model, par._replace(approach_first=0.1)).speed == 0.1
 
 
 @pytest.mark.parametrize(("least", "slowest"), [(2.0 * LEAST, 2.0 * LEAST), (9.0, laws.HIGHEST_FLOOR)])

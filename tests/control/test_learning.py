@@ -8,6 +8,7 @@ from gapsense.control import laws, learning, run_to_run
 from gapsense.control.mover import NUMBERS, make_mover, moved, squares, started
 from gapsense.control.profile import Operation, arrival, flux, stops
 from gapsense.control.records import LONGEST, Heard
+from gapsense.kernels.layout import blank
 
 PAR = parameters()
 DT = PAR.sample_time
@@ -34,7 +35,7 @@ def flown(plan, m):
 def learnt(law, half, operations=3):
     """The law after some operations, and how far from its stop a landing is computed, before and after."""
     state, _ = run_to_run.initial(inputs(), PAR)
-    known = laws.write(state.laws, half, laws.first(PAR.closing_travel, PAR))
+    known = laws.write(state.laws, half, laws.first(PAR.closing_travel, 0.0, PAR))
     plan = Operation(half > 0.5, 1.5e-3, 3.4e-3, 3.5e-3, 80e-6, 0.4, 0.0 if half > 0.5 else 20e-3)
     fluxes, takeoff, landing = flown(plan, true_mover(law))
     memory = np.zeros(2 * LONGEST)
@@ -42,7 +43,13 @@ def learnt(law, half, operations=3):
     state = state._replace(laws=known, fluxes=memory.tolist() if isinstance(state.fluxes, list) else memory)
     misses = []
     for _ in range(operations + 1):
-        state = learning.begun(state._replace(heard=Heard(3.0, 1.0, takeoff, landing, 0.0, 0.0)), half, 0.0, 0.0, PAR)
+        state = learning.begun(
+            state._replace(heard=blank(Heard, last_mode=3.0, began=1.0, takeoff=takeoff, landing=landing)),
+            half,
+            0.0,
+            0.0,
+            PAR,
+        )
         while state.course.last >= state.course.at:
             last, state = state, learning.worked(state, PAR)
         assert last.course.half == half
@@ -73,21 +80,21 @@ def test_balance_at_the_take_off_is_found(a=-0.15):
 def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
     """More pull at a closing; at an opening less."""
     state, _ = run_to_run.initial(inputs(), PAR)
-    state = state._replace(laws=laws.write(state.laws, half, laws.first(PAR.closing_travel, PAR)))
-    state = learning.begun(state._replace(heard=Heard(3.0, 1.0, 0.0, 0.0, 0.0, 0.0)), half, 0.0, 0.0, PAR)
+    state = state._replace(laws=laws.write(state.laws, half, laws.first(PAR.closing_travel, 0.0, PAR)))
+    state = learning.begun(state._replace(heard=blank(Heard, last_mode=3.0, began=1.0)), half, 0.0, 0.0, PAR)
     assert laws.read(state.laws, half).mean[0] == pytest.approx(sign * learning.STUCK)
     assert state.course.last < state.course.at  # and there is nothing to compute
 
 
 def test_nothing_is_learnt_where_the_contact_was_not_heard():
     state, _ = run_to_run.initial(inputs(), PAR)
-    state = state._replace(laws=laws.write(state.laws, 1.0, laws.first(PAR.closing_travel, PAR)))
-    state = learning.begun(state._replace(heard=Heard(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)), 1.0, 0.0, 0.0, PAR)
+    state = state._replace(laws=laws.write(state.laws, 1.0, laws.first(PAR.closing_travel, 0.0, PAR)))
+    state = learning.begun(state._replace(heard=blank(Heard)), 1.0, 0.0, 0.0, PAR)
     assert not laws.read(state.laws, 1.0).mean.any() and state.course.last < state.course.at
 
 
 def test_slopes_of_soft_landings_are_steady_and_those_of_an_ordinary_one_are_not_kept():
-    known, one, other = laws.first(3.4e-3, PAR), [1.0, 2.0, 3.0, 4.0], [3.0, 2.0, 5.0, 4.0]
+    known, one, other = laws.first(3.4e-3, 0.0, PAR), [1.0, 2.0, 3.0, 4.0], [3.0, 2.0, 5.0, 4.0]
     first = learning._steady(known, one, 0.05)
     assert [*first] == one  # the first one
     soft = known._replace(slopes=first, was_plain=0.0)
@@ -100,14 +107,14 @@ def test_slopes_of_soft_landings_are_steady_and_those_of_an_ordinary_one_are_not
 def test_other_damping_is_found_by_approaches_of_different_speed():
     """What `a`, `b` and `q` cannot be: a mover that is held back while it is fast, and not where it is slow."""
     state, _ = run_to_run.initial(inputs(), PAR)
-    known = laws.write(state.laws, 1.0, laws.doubted(laws.first(PAR.closing_travel, PAR), PAR))
+    known = laws.write(state.laws, 1.0, laws.doubted(laws.first(PAR.closing_travel, 0.0, PAR), 0.0, PAR))
     state, true = state._replace(laws=known), true_mover((0.0, 0.0, 0.0, 0.5))
     for speed in 3 * [0.4, 0.25, 0.15, 0.08]:
         plan = Operation(1.0, 1.5e-3, 3.4e-3, 3.5e-3, 80e-6, speed, 0.0)
         fluxes, takeoff, landing = flown(plan, true)
         memory = np.zeros(2 * LONGEST)
         memory[LONGEST:][: len(fluxes)] = fluxes
-        heard = Heard(3.0, 1.0, takeoff, landing, 0.0, 0.0)
+        heard = blank(Heard, last_mode=3.0, began=1.0, takeoff=takeoff, landing=landing)
         state = learning.begun(state._replace(fluxes=memory, heard=heard), 1.0, 0.0, 0.0, PAR)
         while state.course.last >= state.course.at:
             state = learning.worked(state, PAR)
@@ -118,11 +125,11 @@ def test_other_damping_is_found_by_approaches_of_different_speed():
 
 def test_change_in_each_operation_is_expected_again():
     """Landings that are early again and again, by as much: what is learnt runs ahead; not after an ordinary one."""
-    law, H, noise = laws.first(3.4e-3, PAR), np.eye(NUMBERS)[:1], np.array([0.1])
+    law, H, noise = laws.first(3.4e-3, 0.0, PAR), np.eye(NUMBERS)[:1], np.array([0.1])
     steady, still = law, law
     for _ in range(5):
         steady = learning._learnt(steady, np.array([-0.05]), H, noise, learning.TREND, np.ones(4))
         still = learning._learnt(still, np.array([-0.05]), H, noise, 0.0, np.ones(4))
     assert steady.trend[0] < 0.0 and not np.any(np.array(still.trend, float))
     assert steady.mean[0] < still.mean[0] < 0.0
-    assert not np.any(np.array(laws.doubted(steady, PAR).trend, float))
+    assert not np.any(np.array(laws.doubted(steady, 0.0, PAR).trend, float))

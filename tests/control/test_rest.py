@@ -14,7 +14,7 @@ PLAIN = CONDITIONS["plain"]
 T_s, SAMPLES, CLOSED = PLAIN.sample_time, 1000, 490  # of a piece: a cycle, or a part of a rest
 OUTPUTS = ("law.voltage_reference", "law.flux_linkage", "law.state", "law.warnings")
 GIVEN = ("command", "voltage", "current", "mode")
-SECONDS = [10.0, pytest.param(100.0, marks=pytest.mark.slow)]
+SECONDS = [2.0, pytest.param(10.0, marks=pytest.mark.slow), pytest.param(100.0, marks=pytest.mark.slow)]
 
 
 @pytest.fixture(scope="module")

@@ -309,7 +309,7 @@ def test_an_impact_that_is_hardly_hard_counts_but_is_not_warned_of(speed, is_war
     """An estimator is off by 0.03 m/s: warned from 0.22 m/s on, one soft operation in 200 was."""
     par = PAR._replace(approach_least=0.06)
     state, _ = run_to_run.initial(inputs(), par)
-    law = laws.first(par.closing_travel, par)._replace(was_plain=0.0, speed=par.approach_least)
+    law = laws.first(par.closing_travel, 0.0, par)._replace(was_plain=0.0, speed=par.approach_least)
     state = state._replace(
         laws=laws.write(state.laws, 1.0, law),
         cycles=20.0,

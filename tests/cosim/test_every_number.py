@@ -12,7 +12,7 @@ from gapsense.cosim import FmuError, ScenarioError, check, run
 from gapsense.cosim.scenario import keys
 from gapsense.cosim.scenario.read import Document
 from gapsense.tables import Section
-from gapsense.tables import parsed as read
+from gapsense.tables import parse_toml as read
 
 NUMBERS = (1e308, -1e308, 1e300, 5e-324, 2**63, 2**53, 2**31, 10**18, 1e18, 1e16, -1, -1.0, 0, 0.0, -0.0, 1, 1e-9, 7.3)
 NUMBERS += (math.nan, math.inf, -math.inf)

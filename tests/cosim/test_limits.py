@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gapsense.cosim import ScenarioError, check, load, run, sweep
 from gapsense.cosim.check import check_size
 from gapsense.cosim.scenario.records import Plan, Port, blocks
-from gapsense.tables import found
+from gapsense.tables import describe_value
 
 HUGE = "1" + 400 * "0"
 LIMIT = st.none() | st.integers(-2, 45)
@@ -44,8 +44,8 @@ def test_numbers_beyond_reason_get_a_sentence(write, chain, fmus, old, new, word
 
 
 def test_long_values_are_shown_by_their_beginning():
-    assert found(10**400) == "a number of more than 308 digits"
-    assert len(found(500 * "x")) < 120
+    assert describe_value(10**400) == "a number of more than 308 digits"
+    assert len(describe_value(500 * "x")) < 120
 
 
 def test_grid_of_a_billion_points_is_refused_before_memory_goes(write, chain, fmus):

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from gapsense.cli import app
 from gapsense.cosim import check, load, test_scenario
 from gapsense.cosim.regression import variants
-from gapsense.tables import parsed
+from gapsense.tables import parse_toml
 
 SHIPPED = Path(__file__).parents[2] / "scenarios"
 BASELINE = '[baseline]\nfile = "{}"\n'
@@ -184,7 +184,7 @@ def test_each_shipped_baseline_is_stated(file, tmp_path):
     text = (file.parent / "scenario.toml").read_text(encoding="utf-8")
     variant = file.stem.partition(".")[2] or None
     (tmp_path / "scenario.toml").write_text(text, encoding="utf-8")
-    data = parsed(text)
+    data = parse_toml(text)
     assert variant in variants(tmp_path / "scenario.toml")
     assert "baseline" in data or "baseline" in data["variants"][variant]
     assert load(file.parent, variant).baseline.declared

@@ -15,7 +15,7 @@ from gapsense.cli import app
 from gapsense.cosim import check
 from gapsense.cosim.scenario import keys
 from gapsense.cosim.scenario.read import Document
-from gapsense.tables import Section, parsed
+from gapsense.tables import Section, parse_toml
 
 MORE = """
 [components.played]
@@ -63,7 +63,7 @@ class Wrong(NamedTuple):
 
 def whole() -> dict[str, Any]:
     """A scenario that says nearly everything there is to say."""
-    data = parsed(WHOLE + MORE)
+    data = parse_toml(WHOLE + MORE)
     assert data
     for path, own in TEXTS.items():
         inner: Any = data

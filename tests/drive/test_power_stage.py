@@ -11,7 +11,7 @@ from power_stage_dop853 import Stage
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.cosim import check, run
-from gapsense.cosim.scenario.read import load, merged, read_document
+from gapsense.cosim.scenario.read import load, merge_tables, read_document
 from gapsense.drive import power_circuit, power_stage
 from gapsense.drive.power_circuit import Law, Topology
 from gapsense.fmi.components import load_component, own
@@ -126,7 +126,7 @@ def test_current_of_the_scenario_is_right_at_20_us(natives, name):
     variant, changes = RUNS[name]
     document = read_document(SCENARIO, [])
     signals = [*document.data["record"]["signals"], "stage.voltage_mean", "valve.flux_linkage"]
-    document = replace(document, data=merged(document.data, {"record": {"signals": signals}}), changes=changes)
+    document = replace(document, data=merge_tables(document.data, {"record": {"signals": signals}}), changes=changes)
     given = {name: load(document, variant).components[name].values for name in ("stage", "valve")}
     par, actuator = (
         kernel.Parameters(**fields(known, {p.name: values[p.name] for p in known.ports if p.name in values}, folder))
@@ -157,7 +157,7 @@ def test_edges_need_an_output_and_a_loop_that_is_iterated():
         ({"components": {"stage": {"edge": "gate"}}}, "components.stage.edge: `gate` is no Real output of it."),
         ({"experiment": {"method": "jacobi"}}, "components.stage.edge: it is in no loop that is iterated."),
     ):
-        found = check(replace(document, data=merged(document.data, change) | {"variants": {}}))
+        found = check(replace(document, data=merge_tables(document.data, change) | {"variants": {}}))
         assert words in "".join(found)
 
 
@@ -223,7 +223,7 @@ def test_steps_are_short_at_an_edge_and_grow_while_the_supply_settles(monkeypatc
     monkeypatch.setattr(power_circuit, "_rates", lambda *of: counts.append(0) or rates(*of))
     for gate, most in ((1.0, 90), (1.0, 16), (0.0, 90), (0.0, 16)):
         counts.clear()
-        at, _ = power_circuit.advanced(net, coil, power_circuit.Command(gate, 1.0, 0.0, 1.0), at, STEP, False)
+        at, _ = power_circuit.advance_circuit(net, coil, power_circuit.Command(gate, 1.0, 0.0, 1.0), at, STEP, False)
         assert len(counts) <= 4 * most
 
 

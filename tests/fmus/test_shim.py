@@ -20,7 +20,7 @@ from gapsense.fmi.shim.build import SHIM
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
 
-FRESH_PROCESSES = 20
+FRESH_PROCESSES = [8, pytest.param(40, marks=pytest.mark.slow)]
 
 FMPY = """
 import sys, fmpy, fmpy.fmi2
@@ -223,16 +223,18 @@ def test_exception_in_libcosimpy(stock: Path) -> None:
 # Exit: a damaged heap shows only now and then, so many processes ------------------------------------------------------
 
 
-def test_c_host_always_exits_cleanly(c_host: Path, stock: Path) -> None:
+@pytest.mark.parametrize("count", FRESH_PROCESSES)
+def test_c_host_always_exits_cleanly(c_host: Path, stock: Path, count: int) -> None:
     with ThreadPoolExecutor(2) as pool:
-        runs = list(pool.map(lambda _: in_host(c_host, stock / "Lag", options="-n 50"), range(FRESH_PROCESSES)))
-    assert [run.returncode for run in runs] == [0] * FRESH_PROCESSES
+        runs = list(pool.map(lambda _: in_host(c_host, stock / "Lag", options="-n 50"), range(count)))
+    assert [run.returncode for run in runs] == [0] * count
 
 
-def test_fmpy_always_exits_cleanly(stock: Path) -> None:
+@pytest.mark.parametrize("count", FRESH_PROCESSES)
+def test_fmpy_always_exits_cleanly(stock: Path, count: int) -> None:
     with ThreadPoolExecutor(2) as pool:
-        runs = list(pool.map(lambda _: in_python(FMPY, stock / "Lag", "Lag", 50), range(FRESH_PROCESSES)))
-    assert [run.returncode for run in runs] == [0] * FRESH_PROCESSES
+        runs = list(pool.map(lambda _: in_python(FMPY, stock / "Lag", "Lag", 50), range(count)))
+    assert [run.returncode for run in runs] == [0] * count
 
 
 # Memory ---------------------------------------------------------------------------------------------------------------

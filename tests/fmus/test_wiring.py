@@ -16,7 +16,7 @@ from gapsense.cosim.scenario.read import Document
 from gapsense.fmi.components import load_component
 from gapsense.fmi.page import ROLES, called, chapter, snippet
 from gapsense.fmi.ports import Component
-from gapsense.tables import merged
+from gapsense.tables import merge_tables
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -56,7 +56,7 @@ def test_component_wired_as_its_page_says_is_a_scenario_without_problems(part: P
     for role in open_roles:  # grows while what plays a role needs others
         tables.append(pasted(PLAYS[role][-1], role))
         open_roles += [more for more in roles_of(PLAYS[role][-1]) if more not in open_roles]
-    assert check(Document(Path("pasted"), reduce(merged, tables)), fmus=fmus) == []
+    assert check(Document(Path("pasted"), reduce(merge_tables, tables)), fmus=fmus) == []
 
 
 def test_page_tells_the_wiring_and_the_sample_time(part: Part):

@@ -40,7 +40,7 @@ def slope(truth, h):
     return (truth(h + 1e-7) - truth(h - 1e-7)) / 2e-7
 
 
-@pytest.mark.parametrize("truth", [linear, fringing])
+@pytest.mark.parametrize("truth", [pytest.param(linear, marks=pytest.mark.slow), fringing])
 def test_exact_inductances_give_the_law_back(truth):
     law = chosen(truth).law
     assert law.name == truth.__name__

@@ -92,6 +92,7 @@ def test_drift_of_the_current_is_told_as_such():
     assert not [*operation_problems(made(28, 3), "x.csv", None)]
 
 
+@pytest.mark.slow
 def test_hum_of_a_milliampere_is_no_offset():
     rng = np.random.default_rng(11)
     both = [imperfect(Condition(hum=1e-3), volts, n, rng) for volts, n in ((30.0, 3), (24.0, 2))]
@@ -100,7 +101,8 @@ def test_hum_of_a_milliampere_is_no_offset():
     assert not result.is_explained and "the usual cause is hum of the mains" in said and "offset" not in said
 
 
-@pytest.mark.parametrize("seed", [14, pytest.param(15, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [14, 15])
 def test_hum_is_told_from_offset_and_drift_where_edges_lie_anywhere(seed):
     """At rest it shows whatever the fit does; 3 mA move the current at rest so far that the record is refused."""
     drive = {"period": 16.03e-3, "on": 5.02e-3, "edge": 0.2}
@@ -234,6 +236,7 @@ def test_first_operations_of_long_records_tell_that_no_coil_explains_them():
     assert choice.quick([held], None, ()) is None
 
 
+@pytest.mark.slow
 def test_first_edge_just_after_a_sample_is_found_there():
     """Its place is half a sample before the middle: what was lost before the fit made turns 9 stated errors wrong."""
     c = Condition(edge=0.03, period=16.053e-3, on=5.069e-3)

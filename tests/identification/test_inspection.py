@@ -16,7 +16,7 @@ from gapsense.identification.inspection.show import checklist, curve, of_resista
 from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.measurements.record import Columns, part, to_record
-from gapsense.report.plot import panels, suited
+from gapsense.report.plot import panels, scale_axis
 from gapsense.scenarios.semera_valve.measuring import GOOD, Instruments, Pulses, measure
 
 RECORDS = Path(__file__).parent / "records"
@@ -215,7 +215,7 @@ def test_long_record_is_drawn_with_few_points_and_its_extremes():
     ("largest", "label", "factor"), [(244.0, "current / A", 1.0), (0.4, "current / mA", 1e3), (0.0, "current / A", 1.0)]
 )
 def test_axes_have_units_that_suit_the_values(largest, label, factor):
-    text, scale = suited("current", "A", np.array([0.0, -largest]), np.array([np.nan, 0.5 * largest]))
+    text, scale = scale_axis("current", "A", np.array([0.0, -largest]), np.array([np.nan, 0.5 * largest]))
     assert text == label and scale == pytest.approx(factor)
 
 

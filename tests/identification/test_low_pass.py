@@ -109,6 +109,7 @@ def test_filter_of_both_channels_leaves_the_device_as_it_is(corner, order):
     assert any("Both channels come through a low-pass" in said for said in remarks(result))
 
 
+@pytest.mark.slow
 def test_filter_of_the_current_alone_is_found_and_told():
     """Before, its place was taken by eddy currents or edges: the mass was 3.3 stated errors off."""
     c = Condition(filtered=35e-6, edge=0.3, eddy=3e-4)

@@ -12,7 +12,7 @@ from board import EVERY as MACHINES
 from host import ROOT
 
 from gapsense.cosim import load
-from gapsense.embedded.design import Design, designed
+from gapsense.embedded.design import Design, make_design
 from records import Given, in_scenario
 
 PAGE = ROOT / "docs" / "microcontrollers.md"
@@ -97,7 +97,7 @@ def design_of(row: Row) -> Design:
     """What is exported."""
     found = row.record()
     values = {**found.values, **dict(row.given)}
-    return designed(found.folder, row.real, row.outputs, values, row.is_baked, row.is_lean)
+    return make_design(found.folder, row.real, row.outputs, values, row.is_baked, row.is_lean)
 
 
 def measured(row: Row, board: str) -> Cost:

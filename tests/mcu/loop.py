@@ -13,7 +13,7 @@ from threading import Thread
 
 from host import FLAGS, ROOT
 
-from gapsense.embedded.design import designed
+from gapsense.embedded.design import make_design
 from gapsense.embedded.export import export
 
 Treat = Callable[[bytes], bytes]  # what becomes of bytes on their way
@@ -54,7 +54,7 @@ sensor = 3
 
 def exported(folder: Path, names: Sequence[str], real: str = "double", **more: object) -> Path:
     """The files of a board with some components."""
-    export([designed(ROOT / "fmus" / name, real, **more) for name in names], folder, in_loop=True)
+    export([make_design(ROOT / "fmus" / name, real, **more) for name in names], folder, in_loop=True)
     return folder
 
 

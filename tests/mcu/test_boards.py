@@ -13,7 +13,7 @@ from host import ROOT, played
 from servo import served
 from test_mhe_sampling import operated
 
-from gapsense.embedded.design import designed
+from gapsense.embedded.design import make_design
 from gapsense.embedded.export import memory
 from records import in_scenario
 
@@ -29,7 +29,7 @@ pytestmark = [
 @pytest.mark.parametrize("board", BOARDS)
 @pytest.mark.parametrize("name", ["semera", "hybrid_ekf", "sensor"])
 def test_the_example_prints_there_what_it_prints_here(name: str, board: str, tmp_path: Path) -> None:
-    design = designed(ROOT / "fmus" / name, "float")
+    design = make_design(ROOT / "fmus" / name, "float")
     here = played(design, tmp_path)
     program = build(design, tmp_path, BOARDS[board], "-Os", tmp_path / f"{name}_main.c", ("-I", str(tmp_path)))
     titles, *rows = run(program, BOARDS[board]).splitlines()
@@ -108,7 +108,7 @@ def test_no_step_of_mhe_is_long_while_it_follows_a_servo(tmp_path: Path) -> None
 def test_no_step_of_mhe_is_long_at_coarse_samples(micros: int, tmp_path: Path) -> None:
     """Not beyond five medians, by instructions; a step of 100 us had 7.1, 35 samples of a trial."""
     given, dt = next(row for row in ROWS if row.part == "mhe").record(), micros * 1e-6
-    design = designed(given.folder, "float", (), {**given.values, "sample_time": dt})
+    design = make_design(given.folder, "float", (), {**given.values, "sample_time": dt})
     plant, _ = operated(dt, False)
     noise = np.random.default_rng(1).standard_normal((2, 1000))
     measured = (plant.voltage[:1000] + 30e-3 * noise[0], plant.current[:1000] + 2e-3 * noise[1])
@@ -120,5 +120,5 @@ def test_no_step_of_mhe_is_long_at_coarse_samples(micros: int, tmp_path: Path) -
 def test_no_step_of_mhe_is_long_in_the_loop_of_run_to_run(tmp_path: Path) -> None:
     """Not beyond five medians; it was six with the three pieces of a step without which windows came too late."""
     given = in_scenario("run_to_run", "mhe", variant="model")
-    found = cost(designed(given.folder, "float", (), given.values), given.rows, "Cortex-M4F", tmp_path)
+    found = cost(make_design(given.folder, "float", (), given.values), given.rows, "Cortex-M4F", tmp_path)
     assert found.most <= 5.0 * found.median, found

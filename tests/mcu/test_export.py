@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from host import ROOT, compile_, expected, played
 
-from gapsense.embedded.design import REALS, Design, designed
-from gapsense.embedded.export import check_memory, export, memory, written
+from gapsense.embedded.design import REALS, Design, make_design
+from gapsense.embedded.export import check_memory, export, make_texts, memory
 from gapsense.fmi.components import find_components, load_component
 from gapsense.problems import InputError
 
@@ -58,19 +58,19 @@ def some_outputs(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("name", SOME)
 def test_double_has_the_bits_of_the_python_kernel(name: str, tmp_path: Path) -> None:
-    design = designed(FOLDERS[name], "double")
+    design = make_design(FOLDERS[name], "double")
     assert same(played(design, tmp_path), expected(design))
 
 
 @pytest.mark.parametrize("name", SOME)
 def test_so_have_some_outputs_with_parameters_as_constants(name: str, tmp_path: Path) -> None:
-    design = designed(FOLDERS[name], "double", some_outputs(FOLDERS[name]), is_baked=True)
+    design = make_design(FOLDERS[name], "double", some_outputs(FOLDERS[name]), is_baked=True)
     assert same(played(design, tmp_path), expected(design))
 
 
 @pytest.mark.slow
 def test_so_have_some_outputs_with_parameters(folder: Path, tmp_path: Path) -> None:
-    design = designed(folder, "double", some_outputs(folder))
+    design = make_design(folder, "double", some_outputs(folder))
     assert same(played(design, tmp_path), expected(design, most=10**9))
 
 
@@ -80,7 +80,7 @@ def same(printed: list[list[float]], wanted: list[list[float]]) -> bool:
 
 @pytest.mark.parametrize("name", FLOAT)
 def test_float_is_near(name: str, tmp_path: Path) -> None:
-    design = designed(FOLDERS[name], "float")
+    design = make_design(FOLDERS[name], "float")
     wanted = np.array(expected(design))
     error = np.abs(np.array(played(design, tmp_path))[: len(wanted)] - wanted).max(axis=0)
     nominal = [port.nominal for port in design.component.of("output") if port.field in design.kept["outputs"]]
@@ -89,7 +89,7 @@ def test_float_is_near(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", SOME)
 def test_compilers_of_c_and_of_cpp_have_nothing_to_say(name: str, tmp_path: Path) -> None:
-    design = designed(FOLDERS[name], "float")
+    design = make_design(FOLDERS[name], "float")
     export([design], tmp_path)
     files = [str(tmp_path / f"{design.name}{ending}.c") for ending in ("", "_main")]
     compile_("gcc", "-std=c99", "-fsyntax-only", *files)
@@ -101,14 +101,14 @@ def test_compilers_of_c_and_of_cpp_have_nothing_to_say(name: str, tmp_path: Path
 
 @pytest.mark.parametrize("name", ["integral_estimator", "sensor"])
 def test_cppcheck_has_nothing_to_say(name: str, tmp_path: Path) -> None:
-    checked(designed(FOLDERS[name]), tmp_path)
+    checked(make_design(FOLDERS[name]), tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["semera", "hybrid_ekf", "drive_voltage", "play_actuator", "pot_magnet"])
 def test_nor_of_larger_ones(name: str, tmp_path: Path) -> None:
     """On the largest, `ekf`, `ertss`, `bounded_ukf`, `mhe` and actuators with micro-steps, it works for very long."""
-    checked(designed(FOLDERS[name], is_baked=True), tmp_path)
+    checked(make_design(FOLDERS[name], is_baked=True), tmp_path)
 
 
 def checked(design: Design, folder: Path) -> None:
@@ -121,18 +121,19 @@ def checked(design: Design, folder: Path) -> None:
 
 
 def test_no_output_but_those_wanted_is_computed() -> None:
-    every, few = (designed(FOLDERS["ertss"], "float", outputs) for outputs in ((), ("flux_linkage",)))
+    every, few = (make_design(FOLDERS["ertss"], "float", outputs) for outputs in ((), ("flux_linkage",)))
     assert {"waiting", "samples"} < set(every.kept["state"])
     assert not {"waiting", "samples", "windows"} & set(few.kept["state"])
     assert few.kept["outputs"] == ["flux_linkage"]
 
 
-@pytest.mark.parametrize("is_baked", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("is_baked", [False, True])
 def test_memory_is_for_the_samples_that_are_kept_and_its_bits_are_those_of_the_kernel(
     is_baked: bool, tmp_path: Path
 ) -> None:
     given = {"window.memory": 256.0, "window.longest": 2e-3, "option.command": True}
-    design = designed(FOLDERS["mhe"], "double", ("position", "smoothed_position"), given, is_baked)
+    design = make_design(FOLDERS["mhe"], "double", ("position", "smoothed_position"), given, is_baked)
     assert same(played(design, tmp_path), expected(design))
     text = (tmp_path / "mhe.h").read_text()
     assert all(f"double {name}[256];" in text for name in ("voltages", "weights", "commands", "positions"))
@@ -147,13 +148,13 @@ def test_memory_is_for_the_samples_that_are_kept_and_its_bits_are_those_of_the_k
 
 
 def test_parameters_that_no_output_needs_are_not_asked_for() -> None:
-    design = designed(FOLDERS["semera"], "float", ("flux_linkage",))
-    assert "coil_turns" not in written([design])["semera.h"]
-    assert "coil_turns" in written([designed(FOLDERS["semera"])])["semera.h"]
+    design = make_design(FOLDERS["semera"], "float", ("flux_linkage",))
+    assert "coil_turns" not in make_texts([design])["semera.h"]
+    assert "coil_turns" in make_texts([make_design(FOLDERS["semera"])])["semera.h"]
 
 
 def test_comments_have_units_ranges_and_the_lines_of_the_kernel() -> None:
-    files = written([designed(FOLDERS["semera"])])
+    files = make_texts([make_design(FOLDERS["semera"])])
     assert "float prior_resistance; /* [Ohm] Expected resistance at the start; at least 1e-09 */" in files["semera.h"]
     assert "float current; /* last current measurement that was not lost [A] */" in files["semera.h"]
     assert "/* semera._seen: S = H @ (prior.cov @ H) + R */" in files["semera.c"]
@@ -161,7 +162,7 @@ def test_comments_have_units_ranges_and_the_lines_of_the_kernel() -> None:
 
 
 def test_the_same_design_gives_the_same_files() -> None:
-    assert written([designed(FOLDERS["ekf"])]) == written([designed(FOLDERS["ekf"])])
+    assert make_texts([make_design(FOLDERS["ekf"])]) == make_texts([make_design(FOLDERS["ekf"])])
 
 
 def test_page_has_a_row_of_every_component_in_float_and_double() -> None:
@@ -172,9 +173,9 @@ def test_page_has_a_row_of_every_component_in_float_and_double() -> None:
 
 def test_memory_is_in_proportion_to_its_parameter() -> None:
     """That a smaller memory is enough is seen on a board: `motion.memory` among the rows of costs.py."""
-    less, every = (designed(FOLDERS["ertss"], given={"motion.memory": n}) for n in (25.0, 1024.0))
+    less, every = (make_design(FOLDERS["ertss"], given={"motion.memory": n}) for n in (25.0, 1024.0))
     assert less.memories() == {"waiting": 112, "samples": 1725} and memory(less) < 10_000 < 300_000 < memory(every)
-    text = written([less])
+    text = make_texts([less])
     assert "float samples[1725];" in text["ertss.h"] and "k < 1725" in text["ertss.c"]
     assert "within(" in text["ertss.c"] and "70656" not in text["ertss.c"]
     assert "7,350 bytes are for `motion.memory` = 25" in text["README.md"]

@@ -24,7 +24,7 @@ from gapsense.cli import app
 from gapsense.cosim import Checkpoint, FmuError, Result, check, prepare, read_result, run
 from gapsense.cosim.fmu.line import decode_cobs, encode_cobs, wrong_program
 from gapsense.cosim.run.recording import Subject
-from gapsense.embedded.design import designed
+from gapsense.embedded.design import make_design
 from gapsense.embedded.export import export
 from gapsense.report import runs
 from gapsense.report.table import text
@@ -198,7 +198,7 @@ def test_baked_numbers_are_taken_if_they_are_those_of_the_scenario(write: Writer
     given = {"sensor": {"sample_time": 50e-6, "noise.current": 2e-3, "seed": 3}}
     given["semera"] = {"sample_time": 50e-6, "coil.turns": 1140.0}
     folder = tmp_path / "baked"
-    designs = [designed(ROOT / "fmus" / name, "double", (), values, True) for name, values in given.items()]
+    designs = [make_design(ROOT / "fmus" / name, "double", (), values, True) for name, values in given.items()]
     export(designs, folder, in_loop=True)
     with served(built(folder)) as board:
         there = run(write(board), fmus=fmus)

@@ -3,7 +3,8 @@
  * forge LIBRARY GUID RESOURCES TABLE INPUTS OUTPUTS FIRST EVERY [NUMBER...]
  *
  * The first six words are those of host.c. Of the state's content the FIRST numbers are changed one by one, of those
- * behind them each EVERY-th; to the NUMBERs among others. Prints how many states were taken and how many refused. Built
+ * behind them each EVERY-th; to the NUMBERs among others, one half of them in the middle of the record and the other one
+ * at its end. Prints how many states were taken and how many refused. Built
  * with sanitizers, as the library, it ends at the first wrong access to memory. */
 #define main run_table
 #include "host.c"
@@ -102,7 +103,11 @@ static int is_new(uint64_t *tried, int tries, const void *word)
     return 1;
 }
 
-static void forge(fmi2Component c, const Table *t, int row, size_t first, size_t every, const double *wild, int count)
+enum { ALL = -1 };
+
+/* Of each number every second value, by its turn, 0 or 1; or all. */
+static void forge(fmi2Component c, const Table *t, int row, size_t first, size_t every, const double *wild, int count,
+                  int turn)
 {
     fmi2FMUstate state = NULL;
     size_t size = 0;
@@ -122,6 +127,13 @@ static void forge(fmi2Component c, const Table *t, int row, size_t first, size_t
             tries += is_new(tried, tries, k < 5 ? near + k : wild + k - 5);
         for (uint64_t flag = 0; flag < 6; flag++)
             tries += is_new(tried, tries, &flag);
+        if (turn != ALL) {
+            int kept = 1;
+            for (int k = 1; k < tries; k++)
+                if ((k + (int)(at / 8)) % 2 == turn)
+                    tried[kept++] = tried[k];
+            tries = kept;
+        }
         uint64_t sums[2 * MOST_VALUES];
         sums_of(bytes, size, at, tried, tries, sums);
         for (int k = 1; k < tries; k++) {
@@ -147,7 +159,7 @@ int main(int count, char **words)
         wild[values++] = strtod(words[k], NULL);
     fmi2CallbackFunctions functions = {count_refusal, calloc, free, NULL, NULL};
     fmi2Component c = CALL(fmi2Instantiate)("one", fmi2CoSimulation, words[2], words[3], &functions, 0, 1);
-    forge(c, &t, 0, 2 * FLAGS, (size_t)atol(words[8]), wild, values);
+    forge(c, &t, 0, 2 * FLAGS, (size_t)atol(words[8]), wild, values, ALL);
     check(CALL(fmi2SetupExperiment)(c, 0, 0.0, t.times[0], 0, 0.0), "fmi2SetupExperiment");
     check(CALL(fmi2EnterInitializationMode)(c), "fmi2EnterInitializationMode");
     check(CALL(fmi2SetReal)(c, t.input, (size_t)t.inputs, t.values), "fmi2SetReal");
@@ -157,7 +169,7 @@ int main(int count, char **words)
         check(CALL(fmi2SetReal)(c, t.input, (size_t)t.inputs, t.values + row * t.inputs), "fmi2SetReal");
         check(CALL(fmi2DoStep)(c, (row - 1) * step, step, fmi2True), "fmi2DoStep");
         if (row == t.rows / 2 || row == t.rows - 1)
-            forge(c, &t, row, (size_t)atol(words[7]), (size_t)atol(words[8]), wild, values);
+            forge(c, &t, row, (size_t)atol(words[7]), (size_t)atol(words[8]), wild, values, row == t.rows - 1);
     }
     CALL(fmi2FreeInstance)(c);
     free_table(&t);

@@ -88,7 +88,11 @@ CHANGED = (
 
 
 @pytest.mark.parametrize("part", [ROOT / "fmus" / "semera"], ids=["semera"], indirect=True)
-@pytest.mark.parametrize("options", [*CHANGED, ("-std=c99", "-mfma")], ids=" ".join)
+@pytest.mark.parametrize(
+    "options",
+    [CHANGED[0], *(pytest.param(o, marks=pytest.mark.slow) for o in (*CHANGED[1:], ("-std=c99", "-mfma")))],
+    ids=" ".join,
+)
 def test_a_binary_whose_compiler_has_changed_the_arithmetic_refuses(
     options: tuple[str, ...], part: Part, unpacked: Unpacked, host: Path
 ) -> None:

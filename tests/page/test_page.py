@@ -20,7 +20,7 @@ from gapsense.cosim.scenario.read import load
 from gapsense.fmi.ports import Port
 from gapsense.page import module, plan
 from gapsense.page.content import CONTROLS, band, controls, scale
-from gapsense.page.page import packed, write_page
+from gapsense.page.page import pack_binary, write_page
 from gapsense.vectors import engine
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -197,7 +197,7 @@ def test_module_is_packed_as_browsers_unpack_it():
     import base64
     import zlib
 
-    assert zlib.decompress(base64.b64decode(packed(b"\0asm" * 1000)), -zlib.MAX_WBITS) == b"\0asm" * 1000
+    assert zlib.decompress(base64.b64decode(pack_binary(b"\0asm" * 1000)), -zlib.MAX_WBITS) == b"\0asm" * 1000
 
 
 def test_plotting_library_is_the_version_that_the_page_names_and_has_its_licence():

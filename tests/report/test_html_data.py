@@ -20,7 +20,7 @@ from gapsense.cosim.scenario.records import Metric, Port
 from gapsense.report.html import curves
 from gapsense.report.html.run import consistency, pairs, panels, strips
 from gapsense.report.html.subject import Shown, events, read_all, regression
-from gapsense.report.html.wiring import Wire, arranged
+from gapsense.report.html.wiring import Wire, arrange_boxes
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -32,7 +32,7 @@ def shown(result, scenario=None) -> Shown:
 @given(st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(float("nan"))), min_size=1, max_size=400), st.integers(4, 60))
 def test_thinned_curve_has_its_ends_its_extremes_and_few_points(values, most):
     values = np.array(values)
-    rows = curves.kept(values, most)
+    rows = curves.choose_rows(values, most)
     assert rows.size <= max(most, 2) and (np.diff(rows) > 0).all()
     assert rows[0] == 0 and rows[-1] == values.size - 1
     if np.isfinite(values).any():
@@ -41,7 +41,7 @@ def test_thinned_curve_has_its_ends_its_extremes_and_few_points(values, most):
 
 def test_every_piece_of_a_thinned_curve_has_its_extremes():
     values = np.random.default_rng(1).normal(size=100_000)
-    rows = curves.kept(values, 2002)
+    rows = curves.choose_rows(values, 2002)
     for k in range(0, 100_000, 100):
         own = rows[(rows >= k) & (rows < k + 100)]
         assert values[own].max() == values[k : k + 100].max() and values[own].min() == values[k : k + 100].min()
@@ -69,10 +69,10 @@ def test_equal_names_with_other_units_are_not_compared():
 
 def test_band_is_two_deviations_and_variances_are_roots():
     result = made()
-    assert curves.recorded(result, "filter.position").band == pytest.approx(4e-5)
+    assert curves.from_signal(result, "filter.position").band == pytest.approx(4e-5)
     signals = {**result.signals, "plant.current_variance": np.full(result.times.size, 9.0)}
-    assert curves.recorded(replace(result, signals=signals), "plant.current").band == pytest.approx(6.0)
-    assert curves.recorded(result, "plant.position").band is None
+    assert curves.from_signal(replace(result, signals=signals), "plant.current").band == pytest.approx(6.0)
+    assert curves.from_signal(result, "plant.position").band is None
 
 
 def test_panels_have_truth_estimate_band_error_innovation_and_modes():
@@ -240,7 +240,7 @@ def wirings(draw):
 @given(wirings())
 def test_boxes_never_overlap_and_wires_that_go_on_go_to_the_right(wiring):
     count, wires = wiring
-    boxes, ways = arranged({name: (name, "fmu") for name in NAMES[:count]}, wires)
+    boxes, ways = arrange_boxes({name: (name, "fmu") for name in NAMES[:count]}, wires)
     assert [wire for wire, _ in ways] == wires
     placed = list(boxes.values())
     for k, a in enumerate(placed):

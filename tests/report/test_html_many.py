@@ -23,7 +23,7 @@ from gapsense import read_campaign
 from gapsense._os.files import SEAL, sealed
 from gapsense.cli import app
 from gapsense.cosim import read_result
-from gapsense.cosim.scenario.read import change_scenario
+from gapsense.cosim.scenario.read import changed
 from gapsense.many.columns import kind
 from gapsense.many.result import KEY
 from gapsense.many.store import Store
@@ -32,7 +32,7 @@ from gapsense.problems import InputError
 from gapsense.report import distributions
 from gapsense.report.html import many_chapter
 from gapsense.report.html.many import read_many
-from gapsense.report.html.many_chapter import goes_with, repeated
+from gapsense.report.html.many_chapter import goes_with, make_command
 from gapsense.report.html.page import write_report
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -115,10 +115,10 @@ def test_command_gives_back_every_value_with_its_type(tmp_path, make, monkeypatc
     monkeypatch.chdir(tmp_path)
     many = read_many(make(Path("out"), settings={"valve.damping": 0.5}))
     run = many.extremes["miss"].worst[0].run
-    words = shlex.split(repeated(many, run))
+    words = shlex.split(make_command(many, run))
     assert words[:5] == ["gapsense", "run", "out/demo/scenario.toml", "--variant", "cold"]
     Path("s.toml").write_text("", encoding="utf-8")
-    given = change_scenario("s.toml", words[6::2]).changes
+    given = changed("s.toml", words[6::2]).changes
     assert set(words[5::2]) == {"--set"}
     assert given == {"valve.damping": 0.5, "sensor.seed": 5 + run, **values(run)}
     assert [type(given[name]) for name in FACTORS] == [float, int, str, bool]
@@ -128,13 +128,13 @@ def test_command_gives_back_every_value_with_its_type(tmp_path, make, monkeypatc
 def test_run_that_no_option_describes_is_repeated_in_python(tmp_path, make, monkeypatch):
     monkeypatch.chdir(tmp_path)
     many = read_many(make(Path("out"), has_random_events=True, seeds={}, points=10))
-    end = repeated(many, many.extremes["miss"].worst[0].run)
+    end = make_command(many, many.extremes["miss"].worst[0].run)
     run = many.extremes["miss"].worst[0].run
     assert end.startswith("run(") and f"'cold', seed_shift={run}" in end
     assert (f"point={run % 10}" in end) is (make is made_sweep)
     assert ("'valve.n=" in end) is (make is made_campaign)
     nowhere = read_many(make(Path("nowhere"), source=""))
-    assert repeated(nowhere, run) == f"the scenario has no file: run it with seed_shift={run}"
+    assert make_command(nowhere, run) == f"the scenario has no file: run it with seed_shift={run}"
 
 
 STUDY = """
@@ -226,7 +226,7 @@ def test_many_runs_are_counted_and_many_chapter_are_chosen(tmp_path, monkeypatch
 
 
 def test_color_is_stronger_where_more_runs_lie():
-    alpha = many_chapter.coloured(np.array([[0.0, 1.0], [10.0, 1000.0]])).view(np.uint8).reshape(2, 2, 4)[..., 3]
+    alpha = many_chapter.colour_counts(np.array([[0.0, 1.0], [10.0, 1000.0]])).view(np.uint8).reshape(2, 2, 4)[..., 3]
     assert alpha[0, 0] == 0 and many_chapter.FAINTEST <= alpha[0, 1] < alpha[1, 0] < alpha[1, 1] == 255
 
 
@@ -272,7 +272,7 @@ def test_metric_that_goes_up_and_down_with_a_parameter_is_said_to(tmp_path, monk
     many = read_many(made_campaign(tmp_path / "out", 210))
     assert goes_with(many, "miss") == "valve.r, up and down" and "valve." in goes_with(many, "noise")
     assert goes_with(many, "never") == "-"
-    assert many_chapter.ordered(many, "miss", ["valve.n", "valve.r"]) == ["valve.r", "valve.n"]
+    assert many_chapter.order_factors(many, "miss", ["valve.n", "valve.r"]) == ["valve.r", "valve.n"]
 
 
 def test_reports_need_no_package_of_an_extra_but_that_of_reports(tmp_path):

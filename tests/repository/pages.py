@@ -27,7 +27,7 @@ from gapsense import check_study
 from gapsense.cli import app
 from gapsense.cosim import check
 from gapsense.cosim.scenario.read import Document, read_draft
-from gapsense.tables import merged
+from gapsense.tables import merge_tables
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -101,7 +101,7 @@ class Reader:
             return
         if "title" in data and "components" in data:
             self.file, self.whole = Path(block.about if block.note == "file" else "scenario.toml"), data
-        document = Document(self.file, merged(self.whole, data))
+        document = Document(self.file, merge_tables(self.whole, data))
         problems = read_draft(document).problems if block.place.startswith(REFERENCE) else check(document)
         assert not problems, (block.place, problems)
 

@@ -38,7 +38,17 @@ LONG = (
     "regression",
     "report",
 )
-LONG = (*LONG, "firmware", "run-to-run", "run-to-run-study", "ssp", "tutorial")
+LONG = (
+    *LONG,
+    "coupling",
+    "firmware",
+    "from-fem",
+    "microcontrollers",
+    "run-to-run",
+    "run-to-run-study",
+    "ssp",
+    "tutorial",
+)
 
 
 @pytest.fixture

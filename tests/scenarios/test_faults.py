@@ -15,7 +15,7 @@ from gapsense.cosim.run.checkpoint import keeper
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.read import Document, read_document
 from gapsense.fmi.components import kernel_of, kernel_parameters, load_component
-from gapsense.tables import merged
+from gapsense.tables import merge_tables
 
 ROOT = Path(__file__).resolve().parents[2]
 FAULTS = ROOT / "scenarios" / "faults"
@@ -109,7 +109,9 @@ EVENTS = {
 def test_run_with_events_goes_on_with_the_same_bits(fmus, tmp_path, every):
     """Events of all kinds are on, and a condition is counting, where it was saved."""
     document = read_document(FAULTS, [])
-    data = merged({**document.data, "metrics": {}, "variants": {}}, {"events": EVENTS, "record": {"signals": ["*"]}})
+    data = merge_tables(
+        {**document.data, "metrics": {}, "variants": {}}, {"events": EVENTS, "record": {"signals": ["*"]}}
+    )
     scenario, descriptions = prepare(Document(document.path, data), None, fmus)
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=450))
     take = Subject(scenario, descriptions).make_take()

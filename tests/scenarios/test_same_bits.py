@@ -35,7 +35,7 @@ CASES = [
     (RELAY, None),
     (PROFILES, None),
     pytest.param(PROFILES, "thresholds", marks=pytest.mark.slow),
-    (SOFT_LANDING, None),
+    pytest.param(SOFT_LANDING, None, marks=pytest.mark.slow),
 ]
 FOLDERS = {load_component(folder).name: folder for folder in find_components(ROOT / "fmus")}
 

@@ -101,19 +101,19 @@ def test_saturation_comes_after_the_offset_and_before_the_code():
 
 @pytest.mark.parametrize("x, code", [(0.0, 0.0), (0.1, 0.0), (0.125, 0.25), (-0.125, 0.0), (-0.126, -0.25), (3.1, 3.0)])
 def test_quantisation_is_mid_tread_with_ties_up(x, code):
-    assert sensor._converted(x, 0.0, 0.25) == code
+    assert sensor._quantise(x, 0.0, 0.25) == code
 
 
 @given(st.floats(-1e3, 1e3), st.floats(1e-6, 10.0))
 def test_quantisation_gives_a_multiple_within_half_a_step(x, q):
-    code = sensor._converted(x, 0.0, q)
+    code = sensor._quantise(x, 0.0, q)
     assert abs(code - x) <= 0.5 * q * (1.0 + 1e-9) + 1e-12
     assert code == round(code / q) * q
 
 
 @given(st.floats(-100.0, 100.0), st.floats(1e-3, 50.0))
 def test_saturation_bounds_the_reading(x, limit):
-    assert sensor._converted(x, limit, 0.0) == max(-limit, min(limit, x))
+    assert sensor._quantise(x, limit, 0.0) == max(-limit, min(limit, x))
 
 
 def test_noise_has_its_standard_deviation_and_is_white():

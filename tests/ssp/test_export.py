@@ -17,9 +17,9 @@ from gapsense.cosim import check, run
 from gapsense.cosim.fmu.descriptions import Variable
 from gapsense.problems import InputError, ScenarioError
 from gapsense.ssp.bring import bring
-from gapsense.ssp.export import export, parameter_set, text_of, written
+from gapsense.ssp.export import export, parameter_set, serialise, text_of
 from gapsense.ssp.package import violations
-from gapsense.ssp.values import parsed
+from gapsense.ssp.values import parse_value
 from gapsense.ssp.words import tag
 
 EVERYTHING = """
@@ -158,7 +158,7 @@ def test_documents_are_valid_and_what_is_inline_too(scenario, stock, tmp_path):
 def test_the_schemas_see_what_is_wrong():
     assert "Element 'a': No matching global declaration" in violations(b"<a/>", "ssd")[0]
     assert violations(b"<a", "ssd")
-    made = written(parameter_set("x", [])).replace(b'version="1.0" name', b'version="3.0" name')
+    made = serialise(parameter_set("x", [])).replace(b'version="1.0" name', b'version="3.0" name')
     assert violations(made, "ssv")
 
 
@@ -273,17 +273,17 @@ def variable(kind: str) -> Variable:
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_numbers_come_back_with_the_same_bits(value):
-    back = parsed("Real", text_of(value, variable("Real")))
+    back = parse_value("Real", text_of(value, variable("Real")))
     assert back == value and math.copysign(1.0, back) == math.copysign(1.0, value)
 
 
 @given(st.text(st.characters(exclude_categories=["Cs", "Cc"]) | st.sampled_from("\n\t<>&\"'")))
 def test_texts_come_back(value):
-    made = fromstring(written(parameter_set("set", [("x", variable("String"), value)])))
-    assert parsed("String", made.find(f".//{tag('ssv:String')}").get("value")) == value
+    made = fromstring(serialise(parameter_set("set", [("x", variable("String"), value)])))
+    assert parse_value("String", made.find(f".//{tag('ssv:String')}").get("value")) == value
 
 
 @given(st.integers(-(2**31), 2**31 - 1), st.booleans())
 def test_whole_numbers_and_switches_come_back(number, switch):
-    assert parsed("Integer", text_of(number, variable("Integer"))) == number
-    assert parsed("Boolean", text_of(switch, variable("Boolean"))) is switch
+    assert parse_value("Integer", text_of(number, variable("Integer"))) == number
+    assert parse_value("Boolean", text_of(switch, variable("Boolean"))) is switch

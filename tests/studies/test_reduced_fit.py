@@ -45,7 +45,8 @@ def test_recovers_the_core_that_made_the_record(R_c0: float, lam_sat: float) -> 
     assert found.model(MODEL) == MODEL._replace(R_c0=found.reluctance, lam_sat=found.saturation)
 
 
-@pytest.mark.parametrize("memory", [pytest.param(0.0, marks=pytest.mark.slow), 0.9])
+@pytest.mark.slow
+@pytest.mark.parametrize("memory", [0.0, 0.9])
 def test_standard_errors_are_those_of_many_records(memory: float) -> None:
     """With white noise, and with noise whose neighbours are alike."""
     rng, (z, lam, i) = np.random.default_rng(1), record(MODEL)

@@ -78,6 +78,14 @@ def test_hard_operations_are_told_in_the_next_one_and_soft_ones_are_not(conditio
 
 
 @pytest.mark.slow
+def test_what_a_contact_hands_over_to_an_estimator_begins_softly():
+    """995 of 1,000 soft operations are below 0.3 m/s; before approaches began slowly 970."""
+    row = found("untold-noise", "both", FEWER)
+    is_soft = np.isin(row.states, (TRACKING, SHORT))[LEARNT:]
+    assert np.mean(row.speeds[LEARNT:][is_soft] < 0.3) > 0.995
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "seeds", "runs"), [("contact", (HELD_OUT,), FEWER), ("model", SEVERAL, MOST // 2)])
 def test_what_noise_of_20_mA_leaves_of_soft_landing_arrives_and_is_told(law, seeds, runs):
     """999 of 1,000 arrive, at most 1 of 1,000 soft ones is warned of."""

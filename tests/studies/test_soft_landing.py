@@ -51,9 +51,9 @@ def forward(par, cycles, micro_step=2e-6):
     ("par", "trajectory", "step"),
     [
         pytest.param(RTS_VALVE, FIG_5, 2e-6, id="Fig. 5"),
-        pytest.param(RTS_VALVE._replace(hysteresis=0.0), FIG_5, 2e-6, id="no hysteresis"),
-        pytest.param(RTS_VALVE._replace(eddy_currents=0.0), FIG_5, 2e-6, id="no eddy currents"),
-        pytest.param(RTS_VALVE._replace(saturation=0.0), FIG_5, 2e-6, id="no saturation"),
+        pytest.param(RTS_VALVE._replace(hysteresis=0.0), FIG_5, 2e-6, id="no hysteresis", marks=pytest.mark.slow),
+        pytest.param(RTS_VALVE._replace(eddy_currents=0.0), FIG_5, 2e-6, id="no eddy currents", marks=pytest.mark.slow),
+        pytest.param(RTS_VALVE._replace(saturation=0.0), FIG_5, 2e-6, id="no saturation", marks=pytest.mark.slow),
         pytest.param(TABLE, FIG_5, 2e-6, id="table"),
         pytest.param(WIDE, SLOW, 1e-6, id="wide and slow: unstable for longer", marks=pytest.mark.slow),
     ],

@@ -96,13 +96,12 @@ def test_gap_law_gives_its_parameters_and_keeps_the_files_that_it_needs(tmp_path
     gap = np.linspace(0.1, 1.0, 10)
     rows = "".join(f"{g:.3g},{50.0 / (0.2 + g):.6g}\n" for g in gap)
     (tmp_path / "measured.csv").write_text(f"gap [mm],inductance [mH]\n{rows}")
-    found = gapsense.gap_law(tmp_path / "measured.csv", turns=1000.0)
+    found = gapsense.gap_law(tmp_path / "measured.csv", turns=1000.0, out=tmp_path / "gap.toml")
+    assert (tmp_path / "gap.toml").is_file() and found.files == [tmp_path / "gap.toml"]
     assert found.parameters["coil.turns"] == 1000.0 and found.parameters["gap.law"] == "linear"
     assert found.parameters["gap.slope"] == pytest.approx(1e6 / 50e-3 / 1e-3 * 1.0, rel=1e-3)
     assert {*found.standard_errors} == {"core.reluctance", "gap.slope"}
     assert all(0.0 <= error < 1e-4 * found.parameters[name] for name, error in found.standard_errors.items())
-    written = gapsense.gap_law(tmp_path / "measured.csv", turns=1000.0, out=tmp_path / "gap.toml")
-    assert (tmp_path / "gap.toml").is_file() and written.files == [tmp_path / "gap.toml"]
 
 
 def test_results_are_compared_by_file(tmp_path):

@@ -76,8 +76,9 @@ def test_code_in_c_reaches_memory_through_a_check():
     assert text.count("within(") == 4  # its definition, one store, two loads
 
 
+@pytest.mark.parametrize("samples", [1000, pytest.param(3000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", KERNELS)
-def test_states_of_random_runs_are_such_states(name):
+def test_states_of_random_runs_are_such_states(name, samples):
     """What a run makes is never refused."""
     component = load_component(KERNELS[name])
     kernel, par, rng = kernel_of(component), kernel_parameters(own(name), {}), random.Random(name)
@@ -91,7 +92,7 @@ def test_states_of_random_runs_are_such_states(name):
     given = dict.fromkeys(fields_of, 0.0)
     period = dict(zip(names(kernel.module.Parameters), flat(par)))["sample_time"]
     state, _ = kernel.initial(kernel.module.Inputs(**given, **dict.fromkeys(clock, 0.0)), par)
-    for k in range(1, 3000):
+    for k in range(1, samples):
         for field in fields_of:
             if rng.random() < 0.02:
                 port = ports[field]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 import pytest
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
-from gapsense.embedded.design import needed
+from gapsense.embedded.design import prune_graphs
 from gapsense.kernels.emit import C, Graph, Python, namespace
 from gapsense.kernels.kernel import trace
 from gapsense.kernels.layout import Array, Memory, flat, names, zeros
@@ -68,7 +68,7 @@ def graphs() -> tuple[Graph, Graph]:
 def test_only_what_an_output_depends_on_today_or_later_is_kept(
     outputs: list[str], state: list[str], inputs: list[str], par: list[str]
 ) -> None:
-    *_, kept = needed(*graphs(), outputs, Python)
+    *_, kept = prune_graphs(*graphs(), outputs, Python)
     assert [{*kept[name]} for name in ("state", "inputs", "par")] == [{*state}, {*inputs}, {*par}]
 
 
@@ -90,7 +90,7 @@ def test_any_choice_of_outputs_has_the_bits_of_all(name: str, seeds: range) -> N
         rng = random.Random(f"{name} {seed}")
         every = names(k.module.Outputs)
         chosen = set(rng.sample(every, rng.randrange(1, len(every))))
-        space = compiled(*needed(*k.graphs, chosen, Python))
+        space = compiled(*prune_graphs(*k.graphs, chosen, Python))
         par = parameters(name, rng)
         inputs = [*input_sequence(name, rng, LENGTH, degenerate=False)]
         state, outputs = k.scalar["initial"](flat(inputs[0]), flat(par))

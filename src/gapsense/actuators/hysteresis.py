@@ -139,15 +139,15 @@ def differential_reluctance(chi: Scalar, core: Core) -> Scalar:
     return core.length * core.per_flux * (1.0 - core.coupling * chi) / (1.0 + core.uncoupled * chi)
 
 
-def settled(flux: Scalar, H_e: Scalar, core: Core) -> Scalar:
-    """H_e, put onto the anhysteretic curve if there is no hysteresis: integration errors do not add up."""
+def settle_field(flux: Scalar, H_e: Scalar, core: Core) -> Scalar:
+    """Put H_e onto the anhysteretic curve if there is no hysteresis: integration errors do not add up."""
 
-    def corrected() -> Scalar:
+    def correct() -> Scalar:
         M_an, steepness = anhysteretic(H_e, core)
         residue = core.per_flux * flux - H_e - core.uncoupled * M_an
         return H_e + residue / (1.0 + core.uncoupled * core.slope * steepness)
 
-    return cond(core.is_hysteretic, lambda: H_e, corrected)
+    return cond(core.is_hysteretic, lambda: H_e, correct)
 
 
 def energies(flux: Scalar, H_e: Scalar, core: Core) -> tuple[Scalar, Scalar]:

@@ -100,8 +100,8 @@ def rebound(v: Scalar, restitution: Scalar) -> Scalar:
     return where(fabs(after) < SLOWEST, 0.0, after)
 
 
-def landed(v: Scalar, is_below: Scalar, net_force: Scalar, before: Contact, mover: Mover) -> Contact:
-    """Contact after an impact at `v`, on a stop where the mover at rest has this net force."""
+def land_mover(v: Scalar, is_below: Scalar, net_force: Scalar, before: Contact, mover: Mover) -> Contact:
+    """Give the contact after an impact at `v`, on a stop where the mover at rest has this net force."""
     at_rest = leaving(where(is_below, CLOSED, OPEN), net_force, mover.friction)
     return Contact(where(rebound(v, mover.restitution) == 0.0, at_rest, MOVING), hardest(v, before.impact))
 
@@ -117,6 +117,6 @@ def impact_loss(v: Scalar, mover: Mover) -> Scalar:
     return kinetic_energy(v, mover) - kinetic_energy(rebound(v, mover.restitution), mover)
 
 
-def released(is_released: Scalar, contact: Contact) -> Contact:
-    """Contact of a mover that rested, or leaves its rest now."""
+def release_mover(is_released: Scalar, contact: Contact) -> Contact:
+    """Release a mover that rested, if it leaves its rest now."""
     return Contact(where(is_released, MOVING, contact.mode), where(is_released, 0.0, contact.impact))

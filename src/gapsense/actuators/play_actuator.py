@@ -148,17 +148,17 @@ def _micro_step(
     act: Actuator, left: Scalar, at: Continuous, elements: Array, contact: Contact
 ) -> tuple[tuple[Any, ...], Scalar]:
     """One step of the loop; `left` is what is left of the communication step [s]."""
-    dt = _limited(act, next_part(left, act.micro_step), at.flux_linkage)
+    dt = _limit_step(act, next_part(left, act.micro_step), at.flux_linkage)
     rates, margin = partial(_rates, act, at.flux_linkage, elements, contact.mode), partial(_margin, act, contact.mode)
     dt, new, _, ends = rk4_until(rates, at, dt, margin)
-    stretched = _stretched(act, elements, new.flux_linkage - at.flux_linkage)
-    new, contact = cond(ends, lambda: _switched(act, new, contact), lambda: (new, contact))
+    stretched = _stretch_elements(act, elements, new.flux_linkage - at.flux_linkage)
+    new, contact = cond(ends, lambda: _switch_contact(act, new, contact), lambda: (new, contact))
     left = left - dt
     return (left, new, stretched, contact), not_(left > 0.0)
 
 
-def _limited(act: Actuator, dt: Scalar, lam: Scalar) -> Scalar:
-    """Step `dt`, or less where the core saturates, as in `solenoid_valve`."""
+def _limit_step(act: Actuator, dt: Scalar, lam: Scalar) -> Scalar:
+    """Limit the step `dt` where the core saturates, as in `solenoid_valve`."""
     core = magnetics.core_law(lam, act.circuit)
     steepness = act.open_reluctance + square(core) / act.par.core_reluctance
     fine = FINENESS * square(act.par.coil_turns) / (act.par.coil_resistance * steepness)
@@ -170,7 +170,7 @@ def _rates(act: Actuator, start: Scalar, elements: Array, mode: Scalar, y: Conti
     """Rates of all states; the elements have followed the flux linkage from the `start` of the micro-step."""
     par, mover = act.par, act.mover
     reluctance, slope = magnetics.gap_law(y.position, act.circuit)
-    i = _current(act, y, reluctance, _stretched(act, elements, y.flux_linkage - start))
+    i = _current(act, y, reluctance, _stretch_elements(act, elements, y.flux_linkage - start))
     drive = act.voltage - par.coil_resistance * i
     force = magnetics.force(y.flux_linkage, slope, act.circuit) + motion.spring_force(y.position, mover)
     is_moving = mode == MOVING
@@ -190,19 +190,19 @@ def _margin(act: Actuator, mode: Scalar, y: Continuous) -> Scalar:
     return where(mode == MOVING, clearance, -motion.inward(mode, _net_force(act, y)))
 
 
-def _switched(act: Actuator, y: Continuous, contact: Contact) -> tuple[Continuous, Contact]:
-    """Landed, if it moved; released, if it rested."""
+def _switch_contact(act: Actuator, y: Continuous, contact: Contact) -> tuple[Continuous, Contact]:
+    """Let the mover land, if it moved; release it, if it rested."""
     mover, is_moving = act.mover, contact.mode == MOVING
     is_below = y.position < 0.5 * (mover.lower + mover.upper)
     back = where(is_moving, motion.rebound(y.velocity, mover.restitution), 0.0)
     at = y._replace(position=where(is_below, mover.lower, mover.upper), velocity=back)
-    landed = motion.landed(y.velocity, is_below, _net_force(act, at), contact, mover)
-    free = motion.released(True, contact)
+    landed = motion.land_mover(y.velocity, is_below, _net_force(act, at), contact, mover)
+    free = motion.release_mover(True, contact)
     return at, where_each(is_moving, landed, free)
 
 
-def _stretched(act: Actuator, elements: Array, change: Scalar) -> Array:
-    """The elements after a change of the flux linkage."""
+def _stretch_elements(act: Actuator, elements: Array, change: Scalar) -> Array:
+    """Stretch the elements by a change of the flux linkage."""
     limits = [share * act.par.hysteresis_reach for share in ELEMENTS]
     return vector([clip(element + change, -limit, limit) for element, limit in zip(elements, limits)])
 

@@ -134,7 +134,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     charge = (inputs.voltage * inputs.dt - act.turns * (at.flux - state.flux)) / act.resistance  # (1), integrated
     state = State(
         flux=at.flux,
-        effective_field=hysteresis.settled(at.flux, at.H_e, act.core),
+        effective_field=hysteresis.settle_field(at.flux, at.H_e, act.core),
         position=at.h,
         velocity=at.v,
         mode=contact.mode,

@@ -101,7 +101,7 @@ def micro_step(
     # direction of the flux; 0 without hysteresis, where it is of no importance
     direction = where(act.core.is_hysteretic, where(circuit.electric.flux_rate < 0.0, -1.0, 1.0), 0.0)
     switches = Switches(direction, hysteresis.moving_walls(direction, circuit.electric.excess))
-    dt = _limited(act, next_part(left, act.micro_step), circuit, switches.walls)
+    dt = _limit_step(act, next_part(left, act.micro_step), circuit, switches.walls)
     is_moving = contact.mode == MOVING
 
     def move() -> tuple[Step, Gap]:
@@ -128,32 +128,32 @@ def _electric(act: Actuator, flux: Scalar, H_e: Scalar, reluctance: Scalar) -> E
     M = hysteresis.magnetization(flux, H_e, core)
     mmf = reluctance * flux + (H_e - core.coupling * M) * core.length
     M_an, steepness = hysteresis.anhysteretic(H_e, core)
-    return driven(act, mmf, M_an - M, steepness)
+    return make_electric(act, mmf, M_an - M, steepness)
 
 
-def driven(act: Actuator, mmf: Scalar, excess: Scalar, steepness: Scalar) -> Electric:
-    """Current by (7) and rate of the flux by (8), from the static magnetomotive force [A]."""
+def make_electric(act: Actuator, mmf: Scalar, excess: Scalar, steepness: Scalar) -> Electric:
+    """Compute the current by (7) and the rate of the flux by (8), from the static magnetomotive force [A]."""
     i = act.per_mmf * mmf + act.bias
     return Electric(i, (act.voltage - act.resistance * i) / act.turns, excess, steepness)
 
 
-def _limited(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scalar:
-    """Step `dt`, or less where the core saturates: there the flux settles fast and the field runs away."""
+def _limit_step(act: Actuator, dt: Scalar, circuit: Circuit, walls: Scalar) -> Scalar:
+    """Limit the step `dt` where the core saturates: there the flux settles fast and the field runs away."""
     chi = hysteresis.susceptibility(circuit.electric.excess, circuit.electric.steepness, walls, act.core)
     reluctance = circuit.gap.reluctance + hysteresis.differential_reluctance(chi, act.core)
     field_rate = hysteresis.field_rate(circuit.electric.flux_rate, chi, act.core)
-    return limited(act, dt, act.flux_need * reluctance + act.field_need * fabs(field_rate))
+    return shorten_step(act, dt, act.flux_need * reluctance + act.field_need * fabs(field_rate))
 
 
-def limited(act: Actuator, dt: Scalar, need: Scalar) -> Scalar:
-    """Step `dt`, or less where more steps per second are needed."""
+def shorten_step(act: Actuator, dt: Scalar, need: Scalar) -> Scalar:
+    """Shorten the step `dt` where more steps per second are needed."""
 
-    def shortened() -> Scalar:
+    def shorten() -> Scalar:
         fine, finest = 1.0 / need, act.micro_step / REFINEMENT
         longest = where(fine < finest, finest, fine)
         return where(dt < longest, dt, longest)
 
-    return cond(need * dt > 1.0, shortened, lambda: dt)
+    return cond(need * dt > 1.0, shorten, lambda: dt)
 
 
 def magnetic_rates(act: Actuator, walls: Scalar, electric: Electric) -> tuple[Resting, Losses, Electric]:
@@ -204,17 +204,17 @@ def _move(
 
     dt, y, losses, ends = rk4_until(rates, at, dt, margin, is_moving, first)
     done = Step(dt, y, contact, losses)
-    return cond(ends, lambda: _stopped(act, done), lambda: done)
+    return cond(ends, lambda: _stop_mover(act, done), lambda: done)
 
 
-def _stopped(act: Actuator, done: Step) -> Step:
-    """The step, where the mover has met a stop."""
+def _stop_mover(act: Actuator, done: Step) -> Step:
+    """End the step where the mover has met a stop."""
     mover, at = act.mover, done.at
     is_below = at.h < mover.lower
     stop = where(is_below, mover.lower, mover.upper)
 
     def land() -> Step:
-        contact = motion.landed(at.v, is_below, _net_force(act, at.flux, stop), done.contact, mover)
+        contact = motion.land_mover(at.v, is_below, _net_force(act, at.flux, stop), done.contact, mover)
         losses = done.losses._replace(heat=done.losses.heat + motion.impact_loss(at.v, mover))
         return Step(done.length, at._replace(h=stop, v=motion.rebound(at.v, mover.restitution)), contact, losses)
 
@@ -234,7 +234,7 @@ def _rest(act: Actuator, circuit: Circuit, switches: Switches, dt: Scalar, at: M
         return least(hold(y.flux), least(*switch(act, switches, watched)))
 
     dt, (flux, H_e), losses, _ = rk4_until(rates, start, dt, margin, first=first)
-    return Step(dt, Moving(flux, H_e, at.h, 0.0), motion.released(hold(flux) < 0.0, contact), losses)
+    return Step(dt, Moving(flux, H_e, at.h, 0.0), motion.release_mover(hold(flux) < 0.0, contact), losses)
 
 
 def _net_force(act: Actuator, flux: Scalar, h: Scalar) -> Scalar:

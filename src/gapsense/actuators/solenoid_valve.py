@@ -239,7 +239,7 @@ def micro_step(
 ) -> tuple[tuple[Rest, Moving, Gap, Contact, Sums], Scalar]:
     """One micro-step, or all that follow if they are equal."""
     limit, is_moving = _limit(valve, at.lam), contact.mode == MOVING
-    dt = _limited(valve, left.time, limit)
+    dt = _limit_step(valve, left.time, limit)
 
     def move() -> tuple[Step, Gap]:
         done = _move(valve, gap, dt, at, contact, is_moving)
@@ -248,15 +248,15 @@ def micro_step(
     done, gap = cond(is_moving, move, lambda: (_rest(valve, gap, dt, at, contact), gap))
     left, sums = _less(left, done), added(sums, done.part)
     is_settled = not_(is_moving) & (done.at.lam == at.lam) & (done.contact.mode == contact.mode)
-    left, sums = cond(is_settled, lambda: _repeated(valve, limit, done, left, sums), lambda: (left, sums))
+    left, sums = cond(is_settled, lambda: _repeat_steps(valve, limit, done, left, sums), lambda: (left, sums))
     return (left, done.at, gap, done.contact, sums), not_(_goes_on(left))
 
 
-def _repeated(valve: Valve, limit: Limit, done: Step, left: Rest, sums: Sums) -> tuple[Rest, Sums]:
-    """Time left and sums after further micro-steps of equal length: once the flux has settled, each does the same."""
+def _repeat_steps(valve: Valve, limit: Limit, done: Step, left: Rest, sums: Sums) -> tuple[Rest, Sums]:
+    """Repeat a micro-step of equal length, for each does the same once the flux has settled; time left and sums."""
 
     def is_equal(left: Rest) -> Scalar:
-        return _goes_on(left) & (_limited(valve, left.time, limit) == done.length)
+        return _goes_on(left) & (_limit_step(valve, left.time, limit) == done.length)
 
     def again(left: Rest, sums: Sums) -> tuple[tuple[Rest, Sums], Scalar]:
         left = _less(left, done)
@@ -290,8 +290,8 @@ def _limit(valve: Valve, lam: Scalar) -> Limit:
     return Limit(rate, where(fine < valve.finest, valve.finest, fine))
 
 
-def _limited(valve: Valve, left: Scalar, limit: Limit) -> Scalar:
-    """The next part of what is left of a step, or less."""
+def _limit_step(valve: Valve, left: Scalar, limit: Limit) -> Scalar:
+    """Limit the next part of what is left of a step."""
     dt = next_part(left, valve.micro_step)
     return where(limit.rate * dt > FINENESS * valve.rate_scale, least(dt, limit.longest), dt)
 
@@ -311,7 +311,7 @@ def _move(valve: Valve, gap: Gap, dt: Scalar, at: Moving, contact: Contact, is_m
         length = crossing(distance, dt, *ends)
         then, sums = after(length)
         stop = where(is_below, mover.lower, mover.upper)
-        now = motion.landed(then.v, is_below, _net_force(valve, then.lam, stop), contact, mover)
+        now = motion.land_mover(then.v, is_below, _net_force(valve, then.lam, stop), contact, mover)
         losses = sums.losses + motion.impact_loss(then.v, mover)
         return Step(
             length, Moving(then.lam, stop, motion.rebound(then.v, mover.restitution)), now, Sums(losses, sums.charge)
@@ -330,7 +330,7 @@ def _rest(valve: Valve, gap: Gap, dt: Scalar, at: Moving, contact: Contact) -> S
 
     rate = partial(_resting_rates, valve, gap.reluctance)
     dt, (lam,), sums, is_released = rk4_until(rate, (at.lam,), dt, margin)
-    return Step(dt, Moving(lam, at.h, 0.0), motion.released(is_released, contact), sums)
+    return Step(dt, Moving(lam, at.h, 0.0), motion.release_mover(is_released, contact), sums)
 
 
 def _moving_rates(valve: Valve, y: Moving) -> tuple[Moving, Sums]:

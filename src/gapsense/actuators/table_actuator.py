@@ -145,7 +145,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     h = clip(par.initial_position, par.stop_lower, par.stop_upper)
     mode, depth = table_steps.sunk(dev, motion.resting_mode(h, dev.act.mover), h)
     at = blank(Continuous, position=h + (mode - MOVING) * depth)
-    contact = table_steps.settled(dev, at, blank(Contact, mode=mode, stop=mode))
+    contact = table_steps.settle_contact(dev, at, blank(Contact, mode=mode, stop=mode))
     state = blank(State, at=at, contact=contact)
     return state, _outputs(state, dev)
 
@@ -161,7 +161,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     _, at, contact, losses = loop(MICRO_STEPS, partial(micro_step, dev), start)
     charge = (inputs.voltage * inputs.dt - act.turns * (at.flux - flux)) / act.resistance  # (1), integrated
     state = State(
-        at=at._replace(calm_field=hysteresis.settled(at.flux, at.calm_field, dev.calm)),
+        at=at._replace(calm_field=hysteresis.settle_field(at.flux, at.calm_field, dev.calm)),
         contact=contact,
         heat=losses.heat,
         eddy_energy=state.eddy_energy + act.eddy * losses.eddy,

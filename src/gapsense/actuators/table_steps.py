@@ -24,9 +24,9 @@ from gapsense.actuators.reluctance_steps import (
     Electric,
     Losses,
     Switches,
-    driven,
-    limited,
     magnetic_rates,
+    make_electric,
+    shorten_step,
     switch,
 )
 from gapsense.actuators.surface import Patch, Surface, surface, surface_patch
@@ -122,11 +122,11 @@ def micro_step(
     # direction of the flux; 0 without hysteresis, where it is of no importance
     direction = where(act.core.is_hysteretic, where(electric.flux_rate < 0.0, -1.0, 1.0), 0.0)
     switches = Switches(direction, hysteresis.moving_walls(direction, electric.excess))
-    dt = _limited(dev, next_part(left, act.micro_step), patch, switches.walls, electric, contact.mode, at)
+    dt = _limit_step(dev, next_part(left, act.micro_step), patch, switches.walls, electric, contact.mode, at)
     rates = partial(_rates, dev, patch, switches.walls, contact)
     dt, at, done, ends = rk4_until(rates, at, dt, partial(_margin, dev, patch, switches, contact))
     losses = added(losses, done)
-    at, contact, lost = cond(ends, lambda: _switched(dev, at, contact), lambda: (at, contact, 0.0))
+    at, contact, lost = cond(ends, lambda: _switch_contact(dev, at, contact), lambda: (at, contact, 0.0))
     left = left - dt
     return (left, at, contact, losses._replace(heat=losses.heat + lost)), not_(left > 0.0)
 
@@ -148,7 +148,7 @@ def electric_at(dev: Device, patch: Patch, at: Continuous) -> Electric:
 
 
 def _electric(dev: Device, magnet: Magnet, core: Magnetic) -> Electric:
-    return driven(dev.act, dev.act.turns * magnet.current + core.mmf, core.excess, core.steepness)
+    return make_electric(dev.act, dev.act.turns * magnet.current + core.mmf, core.excess, core.steepness)
 
 
 def _core(dev: Device, at: Continuous) -> Magnetic:
@@ -175,10 +175,10 @@ def core_energies(dev: Device, at: Continuous) -> tuple[Scalar, Scalar]:
     return cond(dev.act.core.is_hysteretic, hysteretic, lambda: (0.0, 0.0))
 
 
-def _limited(
+def _limit_step(
     dev: Device, dt: Scalar, patch: Patch, walls: Scalar, electric: Electric, mode: Scalar, at: Continuous
 ) -> Scalar:
-    """Step `dt`, or less where the flux, the field of the core or an elastic stop is fast."""
+    """Limit the step `dt` where the flux, the field of the core or an elastic stop is fast."""
     act, magnet = dev.act, magnet_at(dev, patch, at)
     reluctance = square(act.turns) * magnet.slope
     chi = hysteresis.susceptibility(electric.excess, electric.steepness, walls, act.core)
@@ -187,7 +187,7 @@ def _limited(
     magnetic = act.flux_need * reluctance + where(act.core.is_hysteretic, act.field_need, 0.0) * fabs(field_rate)
     is_stiff = dev.is_elastic & (mode != MOVING)
     stiffened = dev.stop_need * sqrt(1.0 + dev.damping * fabs(at.velocity))  # its force rises so much faster
-    return limited(act, dt, magnetic + where(is_stiff, stiffened + damped, 0.0))
+    return shorten_step(act, dt, magnetic + where(is_stiff, stiffened + damped, 0.0))
 
 
 def _rates(dev: Device, patch: Patch, walls: Scalar, contact: Contact, at: Continuous) -> tuple[Continuous, Losses]:
@@ -265,8 +265,8 @@ def _hold(dev: Device, mode: Scalar, net_force: Scalar) -> Scalar:
     return dev.friction - where(is_held, motion.inward(mode, net_force), fabs(net_force))
 
 
-def settled(dev: Device, at: Continuous, contact: Contact) -> Contact:
-    """Contact of a mover whose speed is zero: at rest, or about to move."""
+def settle_contact(dev: Device, at: Continuous, contact: Contact) -> Contact:
+    """Settle the contact of a mover whose speed is zero: at rest, or about to move."""
     net_force = _net_force(dev, at, contact.mode)
     is_released = _hold(dev, contact.mode, net_force) < 0.0
     leaves = is_released & not_(dev.is_elastic) & (contact.mode != MOVING)
@@ -303,35 +303,37 @@ def _margin(dev: Device, patch: Patch, switches: Switches, contact: Contact, at:
     )
 
 
-def _switched(dev: Device, at: Continuous, contact: Contact) -> tuple[Continuous, Contact, Scalar]:
-    """State, contact and loss where a step has ended [J]."""
+def _switch_contact(dev: Device, at: Continuous, contact: Contact) -> tuple[Continuous, Contact, Scalar]:
+    """Switch the contact where a step has ended: state, contact and loss [J]."""
     is_moving = contact.sliding != 0.0
     has_met = is_moving & (_place(dev, contact.mode, at.position) < 0.0)
     has_stopped = not_(is_moving) | (contact.sliding * at.velocity < 0.0)
 
-    def stopped() -> tuple[Continuous, Contact, Scalar]:
+    def come_to_rest() -> tuple[Continuous, Contact, Scalar]:
         still = at._replace(velocity=0.0)
-        return still, settled(dev, still, contact), motion.kinetic_energy(at.velocity, dev.act.mover)
+        return still, settle_contact(dev, still, contact), motion.kinetic_energy(at.velocity, dev.act.mover)
 
     def met() -> tuple[Continuous, Contact, Scalar]:
-        return cond(dev.is_elastic, lambda: (at, _touched(dev, at, contact), 0.0), lambda: _landed(dev, at, contact))
+        return cond(
+            dev.is_elastic, lambda: (at, _touch_stop(dev, at, contact), 0.0), lambda: _land_on_stop(dev, at, contact)
+        )
 
-    return cond(has_met, met, lambda: cond(has_stopped, stopped, lambda: (at, contact, 0.0)))
+    return cond(has_met, met, lambda: cond(has_stopped, come_to_rest, lambda: (at, contact, 0.0)))
 
 
-def _touched(dev: Device, at: Continuous, contact: Contact) -> Contact:
-    """Contact where an elastic stop is met, or left."""
+def _touch_stop(dev: Device, at: Continuous, contact: Contact) -> Contact:
+    """Switch the contact where an elastic stop is met, or left."""
     return cond(contact.mode == MOVING, lambda: _hit(dev, at, contact), lambda: contact._replace(mode=MOVING))
 
 
-def _landed(dev: Device, at: Continuous, contact: Contact) -> tuple[Continuous, Contact, Scalar]:
-    """A hard stop is met: the mover goes back with what is left of its speed, or stays."""
+def _land_on_stop(dev: Device, at: Continuous, contact: Contact) -> tuple[Continuous, Contact, Scalar]:
+    """Land on a hard stop: the mover goes back with what is left of its speed, or stays."""
     mover, hit = dev.act.mover, _hit(dev, at, contact)
     back = motion.rebound(at.velocity, mover.restitution)
     there = at._replace(position=where(hit.mode == CLOSED, mover.lower, mover.upper), velocity=back)
     now = cond(
         back == 0.0,
-        lambda: settled(dev, there, hit)._replace(impact=hit.impact),
+        lambda: settle_contact(dev, there, hit)._replace(impact=hit.impact),
         lambda: hit._replace(mode=MOVING, sliding=where(back < 0.0, -1.0, 1.0)),
     )
     return there, now, motion.impact_loss(at.velocity, mover)

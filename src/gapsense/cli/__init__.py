@@ -21,24 +21,24 @@ if TYPE_CHECKING:
 
 atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)  # at the end there is nothing left to interrupt
 
-__all__ = ["app", "loaded"]
+__all__ = ["app", "load_app"]
 
 
 def start(words: list[str]) -> None:
     """Run the command that the words on the command line name; a run that is given in the usual way needs no parser."""
     if words[:1] == ["run"]:
         with ended_like_ctrl_c(), handled(leave):
-            from gapsense.cli.console import reported
-            from gapsense.cli.straight import straight
+            from gapsense.cli.console import report_errors
+            from gapsense.cli.straight import parse_run
             from gapsense.cosim.run.ahead import run_ahead
 
-            if given := straight(words[1:]):
+            if given := parse_run(words[1:]):
                 # Another process loads what the run needs while this one does; no Ctrl-C must leave it behind.
-                with ended_at_once(), reported(), counted() as interrupts, run_ahead():
+                with ended_at_once(), report_errors(), counted() as interrupts, run_ahead():
                     from gapsense.cli.run import run_straight
 
                     return run_straight(given, interrupts)
-    loaded(*words[:1])()
+    load_app(*words[:1])()
 
 
 @contextmanager
@@ -55,8 +55,8 @@ def ended_at_once() -> Iterator[None]:
         raise
 
 
-def loaded(command: str = "") -> "App":
-    """The program with the module that registers a command; with all modules if none here does."""
+def load_app(command: str = "") -> "App":
+    """Load the program with the module that registers a command; with all modules if none here does."""
     with ended_like_ctrl_c(), handled(leave):  # loading takes a while
         from gapsense.cli.common import app
 
@@ -76,4 +76,4 @@ def loaded(command: str = "") -> "App":
 def __getattr__(name: str) -> Any:
     if name != "app":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return loaded()
+    return load_app()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.ports import Component
-from gapsense.runnable import TYPES, documented
+from gapsense.runnable import TYPES, make_docstring
 from gapsense.shipped import COMPONENTS, PACKAGE
 
 FILE = PACKAGE / "components.pyi"
@@ -34,7 +34,7 @@ def of(ports: Component) -> Iterator[str]:
     yield from (f"class {name}Outputs(NamedTuple):", *(f"    {output}: float" for output in outputs), "")
     yield from (f"class {name}Response(Response):", *(f"    {output}: Floats" for output in outputs), "")
     yield from (f"class {name}(Runnable):", '    """')
-    yield from (f"    {line}".rstrip() for line in documented(ports).splitlines())
+    yield from (f"    {line}".rstrip() for line in make_docstring(ports).splitlines())
     yield from ('    """', "", "    def __init__(", "        self,", "        *,")
     yield from (f"        {port.field}: {TYPES[port.kind]} = ...," for port in ports.of("parameter"))
     yield "    ) -> None: ..."

@@ -98,7 +98,7 @@ def summarize(result: Campaign, export: Path | None) -> None:
 
     console.show(*campaigns.summary(result))
     if export:
-        console.written(result.export(export))
+        console.say_written(result.export(export))
 
 
 @cli.command("figure", group)
@@ -117,4 +117,4 @@ def figure(
     file = to or result.resolve().with_name(f"{result.resolve().name}.png")
     plot.check_file(file)
     made = campaigns.figure(read_campaign(result, hold=True), metric or (), factor or ())
-    console.written(plot.save(made, file))
+    console.say_written(plot.save(made, file))

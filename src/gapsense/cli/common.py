@@ -19,7 +19,7 @@ from typer.core import TyperCommand
 from gapsense import cosim
 from gapsense._os import interrupts
 from gapsense._os.files import refuse_unwritable
-from gapsense.cli.console import FAILED, notice, problem, reported, show, written
+from gapsense.cli.console import FAILED, notice, problem, report_errors, say_written, show
 from gapsense.problems import InputError, listing
 from gapsense.shipped import examples
 from gapsense.version import __version__
@@ -145,10 +145,10 @@ class Command(TyperCommand):
 
 def command(name: str, group: typer.Typer = app) -> Callable[[Function], Function]:
     """Register a function as a command. Errors that the user can fix end it with their sentences and an exit code."""
-    return lambda function: group.command(name, cls=Command)(reported()(checked(function)))
+    return lambda function: group.command(name, cls=Command)(report_errors()(check_outputs(function)))
 
 
-def checked(function: Function) -> Function:
+def check_outputs(function: Function) -> Function:
     """Let a command refuse, before it begins, outputs that cannot be written."""
 
     @wraps(function)
@@ -180,7 +180,7 @@ def as_vectors(result: Any) -> str:
     return ", as vectors" if result.computed and result.engine == "vectors" else ""
 
 
-def shown(file: Path) -> None:
+def open_in_browser(file: Path) -> None:
     """Show a file in the browser, or say that there is none: it is written all the same."""
     import webbrowser
 
@@ -196,7 +196,7 @@ def tell(found: Found) -> NoReturn:
     pictures = [file for file in found.files if file.suffix in (".png", ".pdf", ".svg")]
     for files in ([file for file in found.files if file not in pictures], pictures):
         if files:
-            written(*files)
+            say_written(*files)
     for text in found.doubts:
         problem(text)
     raise SystemExit(0 if found.passed else FAILED)

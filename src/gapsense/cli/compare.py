@@ -76,7 +76,7 @@ def draw(found: Comparison, file: Path, title: str) -> None:
     """The picture of a comparison."""
     from gapsense.report import differences, plot
 
-    console.written(plot.save(differences.figure(found, title), file))
+    console.say_written(plot.save(differences.figure(found, title), file))
 
 
 def figure_of(file: Path, result: Path, root: Path) -> Path:
@@ -119,7 +119,7 @@ def converge(
     from gapsense.cosim.convergence import EXPORTED
     from gapsense.report import convergence, plot
 
-    fmus, source = console.chosen(scenario, fmus, native), cosim.change_scenario(scenario, settings or ())
+    fmus, source = console.choose_fmus(scenario, fmus, native), cosim.changed(scenario, settings or ())
     if export:
         refuse_export(export, *EXPORTED)
     if figure:
@@ -128,11 +128,11 @@ def converge(
         found = cosim.converge(
             source, variant, fmus, runs, budget, tolerance, keep or (), write, isolation="process", progress=progress
         )
-    console.show(*convergence.shown(found))
+    console.show(*convergence.tabulate(found))
     if write:
-        console.written(measured_file(cosim.load(source, variant)))
+        console.say_written(measured_file(cosim.load(source, variant)))
     if export:
-        console.written(found.export(export))
+        console.say_written(found.export(export))
     if figure:
-        console.written(plot.save(found.plot(), figure))
+        console.say_written(plot.save(found.plot(), figure))
     raise SystemExit(0 if found.passed else console.FAILED)

@@ -128,9 +128,9 @@ def list_(root: Root = None) -> None:
     built = {p.stem for p in (base / FMU_FOLDER if root else find_fmus(Path("here"))).glob("*.fmu")}
     show(runs.components(components, built))
     if (base / "scenarios").is_dir():
-        listed("Scenarios", cosim.find_scenarios(base / "scenarios"), base)
+        list_scenarios("Scenarios", cosim.find_scenarios(base / "scenarios"), base)
     if mine := sorted(Path().glob("*/scenario.toml")):
-        listed("Scenarios in this folder", mine, Path())
+        list_scenarios("Scenarios in this folder", mine, Path())
 
 
 @command("info")
@@ -152,7 +152,7 @@ def info(
         notice(facts.problem)
 
 
-def listed(title: str, files: list[Path], base: Path) -> None:
+def list_scenarios(title: str, files: list[Path], base: Path) -> None:
     """Show scenarios by what you type to run them: those that come with Gapsense by their names."""
     from gapsense.cosim.scenario.read import read_draft
     from gapsense.report import runs

@@ -63,8 +63,8 @@ def notice(sentence: str) -> None:
 APART: dict[str, Any] = {"isolation": "process", "notice": notice}  # how commands run scenarios
 
 
-def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
-    """Folder of the FMUs that options choose, if they do."""
+def choose_fmus(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
+    """Choose the folder of the FMUs from options, if they name one."""
     if not native:
         return fmus
     folder = cosim.find_fmus(cosim.scenario_file(scenario), NATIVE_FOLDER)
@@ -75,13 +75,13 @@ def chosen(scenario: Path, fmus: Path | None, native: bool) -> Path | None:
     return folder
 
 
-def written(*files: Path) -> None:
+def say_written(*files: Path) -> None:
     """Say which files were written."""
     show(f"{', '.join(map(str, files))} written.")
 
 
 @contextmanager
-def reported() -> Iterator[None]:
+def report_errors() -> Iterator[None]:
     """Turn the errors that a user can fix into one sentence and an exit code."""
     try:
         with interrupts.handled(signal.default_int_handler):

@@ -11,7 +11,7 @@ import typer
 
 from gapsense.cli.common import Output, command
 from gapsense.cli.components import Root
-from gapsense.cli.console import show, written
+from gapsense.cli.console import say_written, show
 from gapsense.fmi.values import ValuesError, fields, unknown
 from gapsense.problems import InputError
 from gapsense.tables import Value
@@ -49,7 +49,7 @@ def export_c(
     root: Root = None,
 ) -> None:
     """Write components as C99 for microcontrollers: source, header, a working example and a README."""
-    from gapsense.embedded.design import check_lean, check_outputs, designed
+    from gapsense.embedded.design import check_lean, check_outputs, make_design
     from gapsense.embedded.export import export
     from gapsense.fmi.components import components_folder, find_components
 
@@ -59,18 +59,18 @@ def export_c(
     check_outputs(folders, wanted)
     if lean:
         check_lean(folders)
-    values = given(folders, find_components(every), parameters or (), settings or ())
-    designs = [designed(folder, real.value, wanted, values[folder], bake, lean) for folder in folders]
+    values = read_start_values(folders, find_components(every), parameters or (), settings or ())
+    designs = [make_design(folder, real.value, wanted, values[folder], bake, lean) for folder in folders]
     for design in designs:
         show(f"{design.name:20} {', '.join(design.kept['outputs'])}")
     files = export(designs, to, loop, ram or 0)
-    written(*(file for file in files if file.suffix in (".c", ".h") and file.parent == to), to / "README.md")
+    say_written(*(file for file in files if file.suffix in (".c", ".h") and file.parent == to), to / "README.md")
 
 
-def given(
+def read_start_values(
     folders: Sequence[Path], known: Sequence[Path], files: Sequence[Path], settings: Sequence[str]
 ) -> dict[Path, dict[str, Value]]:
-    """Start values of the parameters that each component has: from the files, and over them the settings."""
+    """Read the start values that each component gets: from the files, and over them the settings."""
     from gapsense.cosim.scenario.read import read_settings
     from gapsense.fmi.components import load_component
     from gapsense.identification.parameter_set import take_values

@@ -15,7 +15,7 @@ import typer
 
 from gapsense._os.files import LONGEST_NAME, mask, refuse_unwritable, unfit
 from gapsense.cli.common import Output, command
-from gapsense.cli.console import show, written
+from gapsense.cli.console import say_written, show
 from gapsense.problems import InputError, suggest
 from gapsense.shipped import example, examples
 
@@ -89,4 +89,4 @@ def schema(
     if to is None:
         return show(text)
     write_atomically(to, lambda file: print(text, file=file))
-    written(to)
+    say_written(to)

@@ -12,8 +12,8 @@ from gapsense import cosim
 from gapsense._os.files import read_bytes, refuse_unwritable
 from gapsense.cli import common as cli
 from gapsense.cli import console
-from gapsense.cli.common import Output, command, shown
-from gapsense.cli.console import written
+from gapsense.cli.common import Output, command, open_in_browser
+from gapsense.cli.console import say_written
 from gapsense.problems import InputError
 
 END = b" - Gapsense</title>"
@@ -40,9 +40,9 @@ def report(
     to = to or free(beside(results[0]))
     refuse_unwritable(to)
     file = write_report(results, to)
-    written(file)
+    say_written(file)
     if show:
-        shown(file)
+        open_in_browser(file)
 
 
 def free(file: Path) -> Path:
@@ -81,13 +81,13 @@ def page(
     from gapsense._os.native import NativeError
     from gapsense.page.page import write_page
 
-    source = cosim.change_scenario(scenario, settings or ())
+    source = cosim.changed(scenario, settings or ())
     to = to or free(Path(cosim.result_file(Path(), scenario, variant, settings or ()).with_suffix(".html").name))
     refuse_unwritable(to)
     try:
-        file = write_page(source, to, variant, console.chosen(scenario, fmus, False))
+        file = write_page(source, to, variant, console.choose_fmus(scenario, fmus, False))
     except NativeError as error:
         raise InputError([str(error)]) from error
-    console.written(file)
+    console.say_written(file)
     if show:
-        cli.shown(file)
+        cli.open_in_browser(file)

@@ -10,7 +10,7 @@ from typing import Any
 from gapsense import cosim
 from gapsense._os.files import refuse_unwritable
 from gapsense._os.interrupts import counted, handled
-from gapsense.cli.console import APART, FAILED, INTERRUPTED, bar, chosen, notice, problem, show
+from gapsense.cli.console import APART, FAILED, INTERRUPTED, bar, choose_fmus, notice, problem, show
 from gapsense.cli.straight import NATIVE, SCENARIO, SET
 from gapsense.problems import number_of
 
@@ -18,11 +18,11 @@ TO = Path("results")
 
 
 def run_straight(given: dict[str, Any], interrupts: Callable[[], int]) -> None:
-    """Run a scenario with options that `straight` understood, unless there was a Ctrl-C before."""
+    """Run a scenario with options that `parse_run` understood, unless there was a Ctrl-C before."""
     with handled(signal.default_int_handler):
         if interrupts():
             raise KeyboardInterrupt
-        fmus = chosen(given[SCENARIO], given.get("--fmus"), NATIVE in given)
+        fmus = choose_fmus(given[SCENARIO], given.get("--fmus"), NATIVE in given)
         run(given[SCENARIO], given.get("--variant"), fmus, given.get("--out", TO), settings=given.get(SET))
 
 
@@ -37,7 +37,7 @@ def run(
 ) -> None:
     """Run a scenario, show and save what came of it, and end the program with the exit code for that."""
     with counted() as interrupts:  # it loads numpy, which takes a Ctrl-C meanwhile for an error of its own
-        source = cosim.change_scenario(scenario, settings or ())
+        source = cosim.changed(scenario, settings or ())
     if interrupts():
         raise KeyboardInterrupt
     file = cosim.result_file(to, scenario, variant, settings or ())

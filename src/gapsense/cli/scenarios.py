@@ -27,7 +27,7 @@ REMEDY = "Leave it out of `baseline.signals`, or give it a larger tolerance in `
 @cli.command("check")
 def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
     """Check a scenario and all its variants without running it, and list every problem."""
-    source = cosim.change_scenario(scenario, settings or ())
+    source = cosim.changed(scenario, settings or ())
     if problems := cosim.check(source, variant, fmus):
         raise cosim.ScenarioError(problems)
     remarks = cosim.remarks(source, variant, fmus)
@@ -58,7 +58,7 @@ def run(
     only_check: Annotated[bool, typer.Option("--check", help="Check only, do not run")] = False,
 ) -> None:
     """Run a scenario: print metrics, published values and time per component; write results as CSV and JSON."""
-    fmus = console.chosen(scenario, fmus, native)
+    fmus = console.choose_fmus(scenario, fmus, native)
     if only_check:
         return check(scenario, variant, fmus, settings)
     with run_ahead():
@@ -88,11 +88,11 @@ def sweep(
     An interrupted sweep continues where it was: runs already in the folder are not repeated.
     """
     engine = cli.engine_of(engine, native)
-    fmus = console.chosen(scenario, fmus, engine == "native")
+    fmus = console.choose_fmus(scenario, fmus, engine == "native")
     with runs_ahead(workers, engine, cosim.scenario_file(scenario)), console.bar("sweeping") as progress:
         from gapsense.cosim.run.loop.compiled import language  # here, while the workers start
 
-        source = cosim.change_scenario(scenario, settings or ())
+        source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, None, progress, signals, engine)
     console.show(*runs.sweep(cosim.load(source, variant), swept))
     if language() != "C" and swept.engine != "vectors":
@@ -136,16 +136,16 @@ def figure(
         if not to:
             plot.refuse_foreign(file, cosim.relative(result.run.source, file.parent))
     else:
-        source = cosim.change_scenario(scenario, settings or ())
+        source = cosim.changed(scenario, settings or ())
         file = to or plot.figure_file(Path("results"), scenario, variant, settings or ())
         drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
         plot.check_file(file)
         with console.bar("running") as progress:
             result = cosim.run(source, variant, fmus, progress=progress, **console.APART)
         console.stop_if_interrupted(result)
-    console.written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
+    console.say_written(plot.save(drawer(result.run.figure)(result), file, result.run.source))
     if show:
-        cli.shown(file)
+        cli.open_in_browser(file)
 
 
 @cli.command("test")
@@ -169,7 +169,7 @@ def test(
     if figures != FAILED:  # what nobody has asked for may be missing
         refuse_unwritable(folders=[figures])
     engine = cli.engine_of(engine, native)
-    fmus = console.chosen(folder, fmus, native or engine == "native")
+    fmus = console.choose_fmus(folder, fmus, native or engine == "native")
     outcomes = cosim.test_scenarios(folder, fmus, report, isolation="process", engine=engine)
     failed = sum(not o.passed for o in outcomes)
     console.show(f"{len(outcomes) - failed} passed, {failed} failed")
@@ -204,7 +204,7 @@ def baseline(
     With --sensitivity, all parameters and constant inputs are changed by 1e-9 of their values, some up, some down, in
     four runs. A signal that then leaves its tolerance depends more on rounding than on the scenario: exit code 1.
     """
-    fmus = console.chosen(scenario, fmus, native)
+    fmus = console.choose_fmus(scenario, fmus, native)
     if sensitive:
         found = cosim.sensitivity(scenario, variant, fmus)
         console.show(runs.growths(found))

@@ -30,10 +30,10 @@ def export_ssp(
     """
     from gapsense.ssp.export import export
 
-    notes = export(cosim.change_scenario(scenario, settings or ()), to, variant, console.chosen(scenario, fmus, native))
+    notes = export(cosim.changed(scenario, settings or ()), to, variant, console.choose_fmus(scenario, fmus, native))
     for note in notes:
         console.notice(note)
-    console.written(to)
+    console.say_written(to)
 
 
 @cli.command("import-ssp")

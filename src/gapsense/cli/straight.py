@@ -12,8 +12,8 @@ KINDS = {SCENARIO: Path, "--variant": str, "--fmus": Path, "--out": Path, SET: s
 COMPLETES = "_GAPSENSE_COMPLETE"  # variable of the environment: the shell asks for completions
 
 
-def straight(words: Sequence[str]) -> dict[str, Any] | None:
-    """Options of a run as they are mostly given; None for everything else, which typer parses or explains."""
+def parse_run(words: Sequence[str]) -> dict[str, Any] | None:
+    """Parse the options of a run as they are mostly given; None for all else, which typer parses or explains."""
     given: dict[str, Any] = {}
     left = iter(words)
     for word in left:

@@ -13,7 +13,7 @@ from gapsense.control import laws
 from gapsense.control.coil import AVERAGED, open_flux, usual_current, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
-from gapsense.control.records import LONGEST, PIECES, Heard, Parameters, Running, State
+from gapsense.control.records import CLOSING, LONGEST, PIECES, Heard, Parameters, Running, State
 from gapsense.control.tracking import place, planned
 from gapsense.estimators.mhe.model import gap
 from gapsense.kernels.layout import Scalar
@@ -42,6 +42,10 @@ OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken
 FOLLOW = (0.1, 0.2)  # share by which that of closings follows a mover that seems farther away; share of openings
 HELD = 0.5  # of the flux linkage that balances the spring at the lower stop: with less no mover stays there
 UNKNOWN = 1e3  # error of what was not measured
+AROUND, SHORTER = 3.0, 0.6  # pieces in which the bend at a contact is looked for, two of them before it; their length
+PROMPT, LATE = 5e-6, 60e-6  # by which a contact comes after the bend; it is late from so much more on [s]
+CLEAR, QUIET = 2.0, 2.0  # sum of the squares of a bend that can be located [m^2/s^2]; noise, of that which is averaged
+AGAIN = 0.3  # share of each ordinary closing but the first
 
 
 class Bounds(NamedTuple):
@@ -89,6 +93,41 @@ def watched(state: State, par: Parameters) -> Heard:
     return heard._replace(hardest=hardest, hit=hit)
 
 
+def located(state: State, par: Parameters) -> State:
+    """With the bend around the contact of an ordinary closing, which tells when the mover has stopped."""
+    heard, running = state.heard, state.running
+    since = running.age - heard.landing - heard.taken  # the contact
+    is_on = (running.command * running.is_plain > 0.0) & (heard.landing > 0.0) & (since <= AROUND * running.piece)
+
+    def looked() -> tuple[Scalar, ...]:
+        at = 2.0 * running.piece
+        speed, _ = speed_at(state, CLOSING, running.age - at, floor(SHORTER * running.piece + 0.5), par)
+        weight = where(speed > 0.0, square(speed), 0.0)
+        bent, moment = heard.bent + weight, heard.moment + weight * (at - since)
+        is_told = since >= AROUND * running.piece
+        return bent, moment, *cond(is_told, lambda: _timed(state, bent, moment, par), lambda: before)
+
+    before = state.contact_late, state.late
+    bent, moment, mean, late = cond(is_on, looked, lambda: (heard.bent, heard.moment, *before))
+    return state._replace(heard=heard._replace(bent=bent, moment=moment), contact_late=mean, late=late)
+
+
+def _timed(state: State, bent: Scalar, moment: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """How late the contact is in the mean [s], and in samples, if by more than a prompt one may seem to be."""
+    is_quiet, piece = state.coil.noise < QUIET * AVERAGED * usual_current(par), state.running.piece
+    found = moment / where(bent > CLEAR, bent, CLEAR)
+    is_told = is_quiet & (bent > CLEAR) & (square(found) < square(piece))
+    share = where(state.contact_late == 0.0, 1.0, AGAIN)
+    mean = state.contact_late + where(is_told, share * (found * par.sample_time - state.contact_late), 0.0)
+    samples = clip(floor((mean - PROMPT) / par.sample_time + 0.5), 0.0, piece)
+    return mean, where(mean > PROMPT + LATE, samples, 0.0)
+
+
+def moved_earlier(sample: Scalar, samples: Scalar) -> Scalar:
+    """What the contact tells at a sample happened so much earlier; 0 is nothing."""
+    return where(sample > samples + 1.0, sample - samples, where(sample > 0.0, 1.0, 0.0))
+
+
 def _softest_hit(state: State, noise: Scalar) -> Scalar:
     """Speed beyond which a stop that no contact tells is hit."""
     bound = choose_bounds(state).hit
@@ -110,7 +149,7 @@ def landed(state: State, par: Parameters) -> Scalar:
 
 def _impact(state: State, at: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """Speed of the operation under way that its stop took at a sample, and its error by noise [m/s]."""
-    speed, noise = speed_at(state, state.running.command, at, par)
+    speed, noise = speed_at(state, state.running.command, at, state.running.piece, par)
     return speed - _braked(state.running, at, par), noise
 
 
@@ -230,9 +269,9 @@ def piece(noise: Scalar, par: Parameters) -> Scalar:
     return clip(half, 1.0, float(PIECES))
 
 
-def speed_at(state: State, half: Scalar, landing: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
-    """Speed towards the stop with which the mover has landed at a sample, and its error by noise."""
-    m, n, T_s = make_mover(par), state.running.piece, par.sample_time
+def speed_at(state: State, half: Scalar, landing: Scalar, n: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Speed towards the stop with which the mover has landed at a sample, and its error by noise, by such pieces."""
+    m, T_s = make_mover(par), par.sample_time
     length = where(state.running.command == half, state.running.age, laws.read(state.laws, half).length)
     reach = 2.0 * n + 1.0
     is_kept = (landing > reach) & (landing + reach <= length + 1.0) & (landing + reach <= LONGEST)

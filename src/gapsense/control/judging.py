@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import arrived, is_of_core, landed, running_plan
+from gapsense.control.bend import arrived, is_of_core, landed, moved_earlier, running_plan
 from gapsense.control.coil import left_open, raised, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
@@ -41,16 +41,18 @@ def warned(state: State) -> State:
 
 
 def listened(state: State, inputs: Inputs) -> Heard:
-    """The contact at a sample: the last take-off before the first landing, and that."""
-    heard, is_closing = state.heard, state.running.command > 0.5
+    """The contact at a sample: the last take-off before the first landing, and that, which it may tell late."""
+    late, is_closing = state.late, state.running.command > 0.5
+    told = [moved_earlier(at, late - state.heard.taken) for at in (state.heard.takeoff, state.heard.landing)]
+    heard = state.heard._replace(takeoff=told[0], landing=told[1], taken=late)
     start, stop = where(is_closing, UPPER, LOWER), where(is_closing, LOWER, UPPER)
-    has_landed, age = heard.landing > 0.0, state.running.age
+    has_landed, at = heard.landing > 0.0, moved_earlier(state.running.age, late)
     leaves = (heard.last_mode == start) & (inputs.mode == MOVING) & not_(has_landed)
     lands = (heard.last_mode == MOVING) & (inputs.mode == stop) & not_(has_landed) & (heard.takeoff > 0.0)
     return heard._replace(
         last_mode=where(inputs.mode > 0.0, inputs.mode, heard.last_mode),
-        takeoff=where(leaves, age, heard.takeoff),
-        landing=where(lands, age, heard.landing),
+        takeoff=where(leaves, at, heard.takeoff),
+        landing=where(lands, at, heard.landing),
     )
 
 
@@ -140,7 +142,7 @@ def _alarmed(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> Sta
     def afresh() -> Array:
         known = state.laws
         for each in (CLOSING, OPENING):
-            known = laws.write(known, each, laws.doubted(laws.read(known, each), par))
+            known = laws.write(known, each, laws.doubted(laws.read(known, each), state.by_model, par))
         return known
 
     def doubted() -> State:

@@ -6,7 +6,7 @@ for a while no approach is slower than that.
 
 from __future__ import annotations
 
-from gapsense.control.records import LAW, Law, Parameters
+from gapsense.control.records import LAW, Law, LawKind, Parameters
 from gapsense.kernels.layout import Array, Scalar, blank, flat, record
 from gapsense.kernels.linalg import diagonal, vector
 from gapsense.kernels.trace import clip, load, store, where
@@ -15,6 +15,7 @@ BEFORE = (0.2, 0.15, 0.2, 0.15)  # standard deviations of a, b, q, r before anyt
 DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
 SHRINK, RAISE, KEEP = 0.6, 1.2, 0.98  # of the approach speed; of its floor where it was late; of a floor per cycle
 HIGHEST_FLOOR = 0.25  # [m/s]
+EXPLAINED = 0.17  # first approaches after a contact has handed over to an estimator are no faster [m/s]
 UNJUDGED = 0.6  # operations that did not arrive: what one counts for until it is judged
 LATE, LATER = 0.4, 0.6  # first travels after the planned arrival; the same with a noisy current
 STRETCH, LONGEST_TRAVEL = 1.04, 1.5  # of a travel that the voltage does not allow; of the first one
@@ -37,12 +38,14 @@ def write(laws: Array, half: Scalar, law: Law) -> Array:
     return laws
 
 
-def first(travel: Scalar, par: Parameters) -> Law:
+def first(travel: Scalar, by_model: Scalar, par: Parameters) -> Law:
     """Before anything is learnt."""
+    is_handed = (by_model > 0.0) & (par.law == LawKind.contact)
+    slower = is_handed & (par.approach_first > EXPLAINED)
     return blank(
         Law,
         cov=diagonal([s * s for s in BEFORE]),
-        speed=par.approach_first,
+        speed=where(slower, EXPLAINED, par.approach_first),
         floor=par.approach_least,
         travel=travel,
         was_plain=1.0,
@@ -50,9 +53,9 @@ def first(travel: Scalar, par: Parameters) -> Law:
     )
 
 
-def doubted(law: Law, par: Parameters) -> Law:
+def doubted(law: Law, by_model: Scalar, par: Parameters) -> Law:
     """After a sudden change: what was learnt is a guess, and is learnt afresh from there."""
-    new = first(law.travel, par)
+    new = first(law.travel, by_model, par)
     cov = diagonal([s * s for s in DOUBTED])
     return law._replace(cov=cov, slopes=new.slopes, trend=new.trend, speed=new.speed, floor=new.floor)
 

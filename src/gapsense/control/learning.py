@@ -107,7 +107,7 @@ def _concluded(state: State, m: Mover, par: Parameters) -> State:
     late = (course.last - course.left) * par.sample_time / law.travel
     late = where(late > 1.0, late, 1.0)
     has_landed, is_measured = course.landed > 0.0, course.impact > 0.0
-    bent, doubt = speed_at(state, course.half, course.last, par)
+    bent, doubt = speed_at(state, course.half, course.last, state.running.piece, par)
     heard = where(course.half > 0.0, -1.0, 1.0) * where(is_measured, course.impact, bent)
     doubt = where(is_measured, square(SPEED * late * late), square(SURE) + square(doubt))
     # a motion that is late at its stop is slower

@@ -209,6 +209,9 @@ class Heard(NamedTuple):
     landing: Annotated[Scalar, Count]  # first one with which it landed, or 0
     hardest: Scalar  # hardest landing by the bends of the current [m/s]
     hit: Annotated[Scalar, Count]  # its sample, or 0
+    bent: Scalar  # of an ordinary closing: sum of the squares of the bends around its contact [m^2/s^2]
+    moment: Scalar  # of these, before the contact [samples m^2/s^2]
+    taken: Annotated[Scalar, Whole(0, PIECES)]  # samples that are taken away from the two times
 
 
 class Coil(NamedTuple):
@@ -300,6 +303,8 @@ class State(NamedTuple):
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive
     is_strong: Scalar  # 1: the voltage that holds is the largest one, as an ordinary closing did not arrive
     is_open: Scalar  # 1: the last ordinary closing has left the mover open
+    contact_late: Scalar  # by which the contact of ordinary closings came after the bend, their mean of late [s]
+    late: Annotated[Scalar, Whole(0, PIECES)]  # samples of that which are taken away; 0: it is prompt
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
     alarm: Scalar  # operations that are to be ordinary; negative: none is
     explained: Scalar  # 1: the estimator has explained a window in this cycle

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, piece, told_at, watched
+from gapsense.control.bend import due, located, piece, told_at, watched
 from gapsense.control.coil import (
     AVERAGED,
     WARM,
@@ -147,7 +147,7 @@ def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
     """Nothing is known of either operation; with one missed, the next ones are ordinary if none was soft yet."""
     known = state.laws
     for half, travel in ((CLOSING, par.closing_travel), (OPENING, par.opening_travel)):
-        known = laws.write(known, half, laws.first(travel, par)._replace(missed=missed))
+        known = laws.write(known, half, laws.first(travel, state.by_model, par)._replace(missed=missed))
     return state._replace(laws=known, course=state.course._replace(last=-1.0))
 
 
@@ -155,7 +155,8 @@ def _handed_over(state: State, inputs: Inputs, par: Parameters) -> State:
     """To the estimator, if there is one, where what the contact teaches lands hard again and again, or would."""
     is_hard = (state.landed_hard >= HARD_ROW) | _is_noisy(state, par)
     is_due = (state.by_model < 1.0) & is_hard & _is_told(state, inputs, par)
-    return cond(is_due, lambda: _unlearnt(state, 0.0, par)._replace(by_model=1.0, landed_hard=0.0), lambda: state)
+    handed = state._replace(by_model=1.0, landed_hard=0.0)
+    return cond(is_due, lambda: _unlearnt(handed, 0.0, par), lambda: state)
 
 
 def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
@@ -361,6 +362,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     state, u = tracked(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
     state = state._replace(heard=watched(state, par))
+    state = located(state, par)
     state = informed(state, inputs, par)
     return cond(state.by_model > 0.0, lambda: state, lambda: learning.worked(state, par)), _outputs(state, u)
 

@@ -57,9 +57,9 @@ from gapsense.cosim.scenario.records import (
     signals,
 )
 from gapsense.parameters import core_problem, is_file
-from gapsense.problems import ScenarioError, between, listing, suggest
+from gapsense.problems import ScenarioError, format_limits, listing, suggest
 from gapsense.shipped import FMU_FOLDER, NATIVE_FOLDER, ROOT
-from gapsense.tables import Value, found, is_integer, is_number
+from gapsense.tables import Value, describe_value, is_integer, is_number
 
 
 def check(scenario: Source, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
@@ -598,10 +598,11 @@ def value_problem(name: str, value: Value, description: Description) -> str | No
 def misfit(value: Value, variable: Variable, said: str = "{} found") -> str | None:
     """Why a variable does not take a value, or None; `said` is the beginning of the sentence."""
     if isinstance(value, str) and variable.items and value not in variable.items:
-        return f"{said.format(found(value))}, an item of the enumeration is expected. {suggest(value, variable.items)}"
+        found = said.format(describe_value(value))
+        return f"{found}, an item of the enumeration is expected. {suggest(value, variable.items)}"
     number = variable.number(value)
     if not TAKES[variable.type](number):
-        return f"{said.format(found(value))}, a value of type {variable.type} is expected. Correct the value."
+        return f"{said.format(describe_value(value))}, a value of type {variable.type} is expected. Correct the value."
     if variable.type in NUMERIC and not within(float(number), variable):
         return f"{said.format(number)}, {limits(variable)} expected. Correct the value."
     return None
@@ -695,7 +696,7 @@ def ends(variable: Variable) -> tuple[float | None, float | None]:
 
 def limits(variable: Variable) -> str:
     """Limits of a variable as messages name them."""
-    return between(*ends(variable), ".10g") + (f" {variable.unit}" if variable.unit else "")
+    return format_limits(*ends(variable), ".10g") + (f" {variable.unit}" if variable.unit else "")
 
 
 @remembered

@@ -22,7 +22,7 @@ from gapsense.cosim.run.run import run
 from gapsense.cosim.scenario.read import Document, Source, load, read_draft, scenario_file
 from gapsense.cosim.scenario.records import Scenario
 from gapsense.problems import FmuError, ScenarioError
-from gapsense.tables import parsed, read_toml
+from gapsense.tables import parse_toml, read_toml
 
 HEADS = re.compile(r'"time( \[s\])?"(,"[A-Za-z_]\w*\.[^"\n]+")+$', re.MULTILINE)  # of a baseline
 LOOKED_AT = 10**6  # characters
@@ -282,7 +282,7 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
     text = path.read_text(encoding="utf-8").rstrip("\n")
     name = f"baseline.{variant}.csv" if variant else "baseline.csv"  # so that no other variant uses it
     text = f'{text}\n\n{head}  # `gapsense test` fails without it\nfile = "{name}"\n'
-    if parsed(text) is None:
+    if parse_toml(text) is None:
         return f"{path}: add a table `{head}`, so that `gapsense test` fails if the baseline is lost."
     write_atomically(path, lambda file: print(text, end="", file=file))
     return f"{path}: `{head}` added, so that `gapsense test` fails if the baseline is lost."

@@ -25,7 +25,7 @@ def convergence_text(found: Any) -> str:
     from gapsense.report import convergence
     from gapsense.report.table import text
 
-    return text(*convergence.shown(found))
+    return text(*convergence.tabulate(found))
 
 
 def convergence_figure(found: Any) -> Any:

@@ -27,8 +27,8 @@ class Curve(NamedTuple):
     repeat_from: Scalar
 
 
-def tabulated(time: Scalar, dt: Scalar, tolerance: Scalar, curve: Curve) -> tuple[Scalar, Scalar]:
-    """Value at the end and mean of a table; `n` and `m` periods before end and start lie in its repeated part."""
+def interpolate_table(time: Scalar, dt: Scalar, tolerance: Scalar, curve: Curve) -> tuple[Scalar, Scalar]:
+    """Interpolate a table: end value and mean; `n` and `m` periods before end and start lie in its repeated part."""
     period, tol = positive(curve.period), tolerance / positive(curve.period)
     start = time - dt
     n = _repeats(-floor(tol - (time - curve.repeat_from) / period) - 1.0, curve)  # the left limit at the end
@@ -101,7 +101,7 @@ class Bridge(NamedTuple):
 
 def wave(reference: Scalar, bridge: Bridge) -> Wave:
     """Pulses between zero and the supply, in the direction of the mean voltage that is wanted."""
-    share = granted(reference, bridge)
+    share = limit_to_bridge(reference, bridge)
     rail = where(share < 0.0, -bridge.supply, bridge.supply)
     has_carrier, duty = bridge.frequency > 0.0, fabs(share)
     steady = rail * duty
@@ -110,8 +110,8 @@ def wave(reference: Scalar, bridge: Bridge) -> Wave:
     return Wave(low, high, Pulse(period, duty, delay=0.0, first=ALWAYS))
 
 
-def granted(reference: Scalar, bridge: Bridge) -> Scalar:
-    """Mean voltage that the bridge gives, as a share of its supply."""
+def limit_to_bridge(reference: Scalar, bridge: Bridge) -> Scalar:
+    """Limit the mean voltage to what the bridge gives, as a share of its supply."""
     least = where(bridge.kind == Kind.half, 0.0, -1.0)
     share = clip(reference / bridge.supply, least, 1.0)
     levels = positive(bridge.levels)
@@ -209,8 +209,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         (par.waveform == Waveform.table) | (par.waveform == Waveform.soft_landing),
         lambda: cond(
             par.waveform == Waveform.table,
-            lambda: tabulated(inputs.time, inputs.dt, tolerance, _curve("table", par)),
-            lambda: tabulated(inputs.time, inputs.dt, tolerance, _curve("soft_landing", par)),
+            lambda: interpolate_table(inputs.time, inputs.dt, tolerance, _curve("table", par)),
+            lambda: interpolate_table(inputs.time, inputs.dt, tolerance, _curve("soft_landing", par)),
         ),
         lambda: cond(
             par.waveform == Waveform.profile,
@@ -233,7 +233,7 @@ def _one_pulse(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scal
     chosen = where_each(par.waveform == Waveform.step, edge, square)
     chosen = where_each(par.waveform == Waveform.pwm, pwm, chosen)
     chosen = where_each(par.waveform == Waveform.bridge, output, chosen)
-    return levels(chosen.low, chosen.high, *pulsed(inputs.time, inputs.dt, tolerance, chosen.pulse))
+    return levels(chosen.low, chosen.high, *evaluate_pulse(inputs.time, inputs.dt, tolerance, chosen.pulse))
 
 
 def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
@@ -246,7 +246,7 @@ def _profile(inputs: Inputs, tolerance: Scalar, par: Parameters) -> tuple[Scalar
     duty = clip(par.profile_second, 0.0, half - first) / period
 
     def part(share: Scalar, start: Scalar) -> tuple[Scalar, Scalar]:
-        return pulsed(inputs.time, inputs.dt, tolerance, Pulse(period, share, start, 0.0))
+        return evaluate_pulse(inputs.time, inputs.dt, tolerance, Pulse(period, share, start, 0.0))
 
     is_made, made = part(0.5, delay)
     is_notched, notched = part(duty, delay + first)
@@ -286,8 +286,8 @@ def levels(low: Scalar, high: Scalar, is_high: Scalar, fraction: Scalar) -> tupl
     return where(is_high, high, low), low * (1.0 - fraction) + high * fraction
 
 
-def pulsed(time: Scalar, dt: Scalar, tolerance: Scalar, pulse: Pulse) -> tuple[Scalar, Scalar]:
-    """Whether the pulse is high at the end of the step, and the fraction of the step in which it is.
+def evaluate_pulse(time: Scalar, dt: Scalar, tolerance: Scalar, pulse: Pulse) -> tuple[Scalar, Scalar]:
+    """Tell whether the pulse is high at the end of the step, and for which fraction of the step.
 
     Phases are counted from the start of the period in which the step ends, so the rounding of their difference is that
     of the step, not of the time. The mean follows from the phase that is high, I(p) = floor(p) D + min(p - floor(p),

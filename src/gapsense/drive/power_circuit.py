@@ -172,8 +172,10 @@ class Flow(NamedTuple):
     source: Scalar  # of the path, without current
 
 
-def advanced(net: Net, coil: Coil, command: Command, at: Circuit, dt: Scalar, keeps: Scalar) -> tuple[Circuit, Track]:
-    """State after a communication step, what conducted last, and where in the step the path should first have changed.
+def advance_circuit(
+    net: Net, coil: Coil, command: Command, at: Circuit, dt: Scalar, keeps: Scalar
+) -> tuple[Circuit, Track]:
+    """Advance by a communication step: state, what conducted last, and where the path should first have changed.
 
     If the step `keeps` its path, the path does not change: the step should have ended there.
     """
@@ -192,8 +194,8 @@ def levels(net: Net, gates: Gates) -> tuple[Scalar, Scalar]:
     return upper, lower
 
 
-def stored(net: Net, at: Circuit) -> Scalar:
-    """Energy in coils and capacitors of the stage [J]."""
+def sum_energy(net: Net, at: Circuit) -> Scalar:
+    """Sum the energy in coils and capacitors of the stage [J]."""
     y = at.stores
     capacitors = net.capacitance * square(y.link) + net.boost_capacitance * square(y.boost)
     return 0.5 * (net.inductance * square(y.supply) + capacitors) + at.sums.cabled
@@ -203,7 +205,7 @@ def _micro_step(
     net: Net, coil: Coil, command: Command, dt: Scalar, keeps: Scalar, left: Scalar, at: Circuit, track: Track
 ) -> tuple[tuple[Scalar, Circuit, Track], Scalar]:
     """Switch, see what conducts, and integrate up to the next edge or timer, or to where path or comparator changes."""
-    at = at._replace(gates=_switched(net, command, at))
+    at = at._replace(gates=_set_gates(net, command, at))
     gates, y = at.gates, at.stores
     way, track = _conduct(net, coil, at, track, dt, keeps, left)
     margin = _margins(net, coil, command, gates, way)
@@ -314,8 +316,8 @@ def _is_changed(track: Track, path: Path, is_blocked: Scalar) -> Scalar:
     return not_(is_same)
 
 
-def _switched(net: Net, command: Command, at: Circuit) -> Gates:
-    """Switches as comparators, carrier and inputs set them now."""
+def _set_gates(net: Net, command: Command, at: Circuit) -> Gates:
+    """Set the switches as comparators, carrier and inputs want them now."""
     gates, i = at.gates, at.current
     was_on, is_timed = is_set(gates.a), is_over(gates.age_a, net.minimum)
     is_regulated, is_following = _is_regulated(net), net.law == Law.current

@@ -27,7 +27,7 @@ from gapsense.drive.power_circuit import (
     Restart,
     Stores,
     Topology,
-    advanced,
+    advance_circuit,
 )
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
@@ -175,28 +175,30 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     m = inputs.coil_current * (1.0 + coil.resistance * coil.conductance)
     stores = Stores(magnetizing=m, supply=0.0, link=par.supply_voltage, boost=par.boost_voltage)
     at = blank(Circuit, stores=stores, gates=blank(Gates, age_a=1.0, age_b=1.0), current=inputs.coil_current)
-    state, outputs = _given(net, coil, learnt, at, m, inputs._replace(dt=0.0))
+    state, outputs = _begin_step(net, coil, learnt, at, m, inputs._replace(dt=0.0))
     return state._replace(held=0.0), outputs
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One communication step."""
-    return cond(par.current_at == At.end, lambda: _coupled(state, inputs, par), lambda: _ahead(state, inputs, par))
+    return cond(
+        par.current_at == At.end, lambda: _step_coupled(state, inputs, par), lambda: _step_ahead(state, inputs, par)
+    )
 
 
-def _coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """A step for which the current at its end is given."""
+def _step_coupled(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """Make a step for which the current at its end is given."""
     net, at, dt, start = net_of(par), state.at, inputs.dt, state.began
     command = Command(*inputs[2:6])
-    plain = _foreseen(par, state.learnt)
+    plain = _foresee_coil(par, state.learnt)
     floor, soon = FINE * par.supply_voltage * plain.inverse, where(dt < BESIDE, dt, BESIDE)
-    begun, _ = advanced(net, plain, command, at, soon, False)  # what switches at once, whatever current comes
+    begun, _ = advance_circuit(net, plain, command, at, soon, False)  # what switches at once, whatever current comes
 
     def closer(*before: Any) -> tuple[Trial, Scalar]:
         """A secant step of F, towards the drift with which the step ends at the current that came (8)."""
         trial = Trial(*before)
         coil = plain._replace(drift=trial.drift)
-        then, track = advanced(net, coil, command, begun, dt - soon, True)
+        then, track = advance_circuit(net, coil, command, begun, dt - soon, True)
         mean = coil.drift + (plain.drift - coil.drift) * soon / where(dt > 0.0, dt, 1.0)
         held = _held(coil._replace(drift=mean), start, then.stores.magnetizing, dt)
         m = _magnetizing(inputs.coil_current, held, par)
@@ -227,29 +229,29 @@ def _magnetizing(current: Scalar, held: Scalar, par: Parameters) -> Scalar:
     return current * (1.0 + par.coil_resistance * par.coil_conductance) - par.coil_conductance * held
 
 
-def _ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
-    """A step for which the current at its start is given."""
+def _step_ahead(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
+    """Make a step for which the current at its start is given."""
     net = net_of(par)
     m = _magnetizing(inputs.coil_current, state.held, par)
 
-    def known() -> tuple[Learnt, Circuit]:
-        """What the last step tells of the coil, and the circuit after it, now that its current is known (7)."""
+    def learn_coil() -> tuple[Learnt, Circuit]:
+        """Learn what the last step tells of the coil, and the circuit after it, now that its current is known (7)."""
         learnt, is_inside = _learn(state, m, par), is_set(state.inside)
-        before, after = _foreseen(par, state.learnt), _coil(par, learnt)
+        before, after = _foresee_coil(par, state.learnt), _coil(par, learnt)
         coil = where_each(is_inside, before, after)
-        at, _ = advanced(net, coil, state.command, state.at, state.step, False)
+        at, _ = advance_circuit(net, coil, state.command, state.at, state.step, False)
         reached = where(is_inside, m, at.stores.magnetizing)
         return learnt, at._replace(stores=at.stores._replace(magnetizing=reached))
 
-    learnt, at = cond(state.step > 0.0, known, lambda: (state.learnt, state.at))
-    return _given(net, _foreseen(par, learnt), learnt, at, m, inputs)
+    learnt, at = cond(state.step > 0.0, learn_coil, lambda: (state.learnt, state.at))
+    return _begin_step(net, _foresee_coil(par, learnt), learnt, at, m, inputs)
 
 
-def _given(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs: Inputs) -> tuple[State, Outputs]:
-    """What the stage gives in the step that begins, where the coil has `m` and should have that of `at`."""
+def _begin_step(net: Net, coil: Coil, learnt: Learnt, at: Circuit, m: Scalar, inputs: Inputs) -> tuple[State, Outputs]:
+    """Begin a step, and tell what the stage gives in it, where the coil has `m` and should have that of `at`."""
     dt = inputs.dt
     command = Command(*inputs[2:6])
-    then, track = advanced(net, coil, command, at, dt, False)
+    then, track = advance_circuit(net, coil, command, at, dt, False)
     held = where(dt > 0.0, _held(coil, m, then.stores.magnetizing, dt), then.voltage)
     outputs = _outputs(net, then, held, coil.inverse, track.edge)
     is_inside = not_(power_circuit.is_over(then.gates.age_a, dt))
@@ -277,7 +279,7 @@ def _outputs(net: Net, at: Circuit, held: Scalar, inverse: Scalar, edge: Scalar)
         supplied_energy=at.sums.supplied,
         delivered_energy=at.sums.delivered,
         dissipated_energy=at.sums.dissipated,
-        stored_energy=power_circuit.stored(net, at),
+        stored_energy=power_circuit.sum_energy(net, at),
     )
 
 
@@ -333,8 +335,8 @@ def _coil(par: Parameters, learnt: Learnt) -> Coil:
     return Coil(par.coil_resistance, par.coil_conductance + LEAST_CONDUCTANCE, learnt.inverse, learnt.drift)
 
 
-def _foreseen(par: Parameters, learnt: Learnt) -> Coil:
-    """The coil of the next step."""
+def _foresee_coil(par: Parameters, learnt: Learnt) -> Coil:
+    """Foresee the coil of the next step."""
     return _coil(par, learnt._replace(drift=learnt.drift + learnt.trend))
 
 

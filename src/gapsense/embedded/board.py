@@ -24,7 +24,7 @@ def template(name: str) -> str:
 def loop_files(designs: Sequence[Design]) -> Mapping[str, str]:
     """Text of every file that a board in the loop needs beside the components."""
     number = struct.calcsize(CODES[designs[0].real])
-    data = max(LEAST, *(8 + number * len(record) for d in designs for record in (*_moved(d), _numbers(d)[0])))
+    data = max(LEAST, *(8 + number * len(record) for d in designs for record in (*_list_transfers(d), _numbers(d)[0])))
     made = {
         "components.h": template("components.h").format(version=__version__, data=data, number=number),
         "components.c": template("components.c").format(
@@ -40,7 +40,8 @@ def loop_files(designs: Sequence[Design]) -> Mapping[str, str]:
     return {**texts, **made}
 
 
-def _moved(design: Design) -> tuple[Sequence[str], Sequence[str]]:
+def _list_transfers(design: Design) -> tuple[Sequence[str], Sequence[str]]:
+    """List inputs and outputs that go over the line in each step."""
     return design.kept["inputs"], design.kept["outputs"]
 
 
@@ -53,8 +54,8 @@ def _numbers(design: Design) -> tuple[list[str], list[str]]:
     return [], [*numbers, *(name for name, value in design.values.items() if isinstance(value, list))]
 
 
-def fixed(design: Design) -> int:
-    """CRC-32 of the numbers that are part of the code, in its type."""
+def checksum_constants(design: Design) -> int:
+    """Compute the CRC-32 of the numbers that are part of the code, in its type."""
     found = [design.values[name] for name in _numbers(design)[1]]
     values = [x for value in found for x in (value if isinstance(value, list) else [value])]
     return crc32(struct.pack(f"<{len(values)}{CODES[design.real]}", *values))
@@ -62,7 +63,7 @@ def fixed(design: Design) -> int:
 
 def about(design: Design) -> str:
     """What the board says of a component: its name, then the names of what is moved, set and part of the code."""
-    inputs, outputs = _moved(design)
+    inputs, outputs = _list_transfers(design)
     lists = (inputs, outputs, *_numbers(design))
     return "\n".join([design.component.name, *(" ".join(names) for names in lists)])
 
@@ -108,7 +109,7 @@ def row(design: Design) -> str:
     return (
         f'    {{\n        "{text}",\n'
         f"        {size['inputs']}, {size['outputs']}, {len(_numbers(design)[0])} * GAPSENSE_NUMBER,\n"
-        f"        0x{fixed(design):08x}u, {size['state']}, {memory},\n"
+        f"        0x{checksum_constants(design):08x}u, {size['state']}, {memory},\n"
         f"        {at['inputs']}, {at['outputs']}, {at['state']}, {name}_set_now, {name}_start_now, {name}_step_now,\n"
         "    },\n"
     )

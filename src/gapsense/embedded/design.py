@@ -50,18 +50,18 @@ class Design(NamedTuple):
         return Fraction(at.size, int(start))
 
 
-def designed(
+def make_design(
     folder: Path, real: str = "float", outputs: Sequence[str] = (), given: Mapping[str, Any] | None = None,
     is_baked: bool = False,
     is_lean: bool = False,
 ) -> Design:  # fmt: skip
-    """The component in `folder` with some of its outputs, or all, and other start values where they are `given`."""
+    """Make the design of a component, with some of its outputs or all, and other start values if `given`."""
     component = load_component(folder)
     kernel = (is_lean and lean_kernel(component)) or kernel_of(component)
     values = fields(component, given or {}, folder)
     wanted = [port.field for port in component.of("output") if port.name in outputs or not outputs]
     constants = values if is_baked else {name: values[name] for name in sizing(kernel)}
-    initial, step, kept = needed(*kernel.traced(constants, with_places=True), wanted, Python)
+    initial, step, kept = prune_graphs(*kernel.traced(constants, with_places=True), wanted, Python)
     has_parameters = bool(kept["par"]) and not is_baked
     prepare, step = split(step, Python, HARMLESS_IN_C) if has_parameters else (None, step)
     return Design(
@@ -82,10 +82,10 @@ def designed(
 # Of a kernel's functions, keep what some outputs need.
 
 
-def needed(
+def prune_graphs(
     initial: Graph, step: Graph, outputs: Collection[str], printer: type[Printer]
 ) -> tuple[Graph, Graph, dict[str, list[str]]]:
-    """The functions with these outputs only, and the entries that are left of every record, by the record's name.
+    """Prune the functions to these outputs; with them, the entries that are left of every record, by its name.
 
     Other outputs are dropped, and so is dead state: neither a wanted output nor the next value of a live state depends
     on it.  Both functions get the same inputs and parameters, in records that hold no others.
@@ -93,10 +93,10 @@ def needed(
     state, published = (names(cls) for cls, _ in step.results)
     wanted = [name for name in published if name in outputs]
     alive: set[str] = set()  # states that the outputs depend on, today or later
-    while (found := _used(_returning(step, (alive, wanted)), printer)["state"] & {*state}) - alive:
+    while (found := _find_used(_returning(step, (alive, wanted)), printer)["state"] & {*state}) - alive:
         alive |= found
     graphs = [_returning(graph, (alive, wanted)) for graph in (initial, step)]
-    used = [_used(graph, printer) for graph in graphs]
+    used = [_find_used(graph, printer) for graph in graphs]
     kept = {"state": [n for n in state if n in alive], "outputs": wanted}
     for name, cls, _ in initial.arguments:
         kept[name] = [entry for entry in names(cls) if any(entry in found[name] for found in used)]
@@ -105,8 +105,8 @@ def needed(
     return first, second, kept
 
 
-def _used(graph: Graph, printer: type[Printer]) -> dict[str, set[str]]:
-    """Entries of every argument that the results depend on."""
+def _find_used(graph: Graph, printer: type[Printer]) -> dict[str, set[str]]:
+    """Find the entries of every argument that the results depend on."""
     uses = printer(graph).uses
     return {
         name: {entry for entry, symbol in zip(names(cls), symbols) if symbol.id in uses}

@@ -50,7 +50,7 @@ def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: 
 
     A part may have so many bytes of `ram`; the linker script has them.
     """
-    texts = {**written(designs), **(loop_files(designs) if in_loop else {})}
+    texts = {**make_texts(designs), **(loop_files(designs) if in_loop else {})}
     if ram:
         check_memory(designs, ram, in_loop)
         texts[LINK] = texts[LINK].replace(ANY_RAM, f"LENGTH = {ram}\n}}")
@@ -76,8 +76,8 @@ def keep_foreign(texts: Mapping[Path, str]) -> None:
         )
 
 
-def written(designs: Sequence[Design]) -> Mapping[str, str]:
-    """Text of every file, by its path in the folder."""
+def make_texts(designs: Sequence[Design]) -> Mapping[str, str]:
+    """Make the text of every file, by its path in the folder."""
     files: dict[str, str] = {}
     for design in designs:
         made = {".h": header(design), ".c": source(design), "_main.c": example(design)}
@@ -103,7 +103,7 @@ def readme(designs: Sequence[Design]) -> str:
         real=first.real,
         table="\n".join(rows),
         first=first.name,
-        kept="".join(f"\n{line}" for design in designs for line in _kept(design)),
+        kept="".join(f"\n{line}" for design in designs for line in _describe_memory(design)),
         use="\n".join(_use(first)),
         survives=f"\nLost readings (NaN) are accepted by {survivors}." if survivors else "",
     )
@@ -115,8 +115,8 @@ def memory(design: Design) -> int:
     return sum(max(1, member.size) * (8 if member.type == "double" else 4) for member in kept)
 
 
-def _sized(design: Design) -> Iterator[tuple[str, int, int]]:
-    """Parameters that say how much array memory there is, their values, and bytes of each unit of them."""
+def _list_sizes(design: Design) -> Iterator[tuple[str, int, int]]:
+    """List the parameters that say how much array memory there is, with values, and bytes of each unit of them."""
     layout, width = fields(design.kernel.module.State), 8 if design.real == "double" else 4
     for parameter in sizing(design.kernel):
         used = [name for name in design.kept["state"] if name in layout and layout[name].used == parameter]
@@ -124,8 +124,8 @@ def _sized(design: Design) -> Iterator[tuple[str, int, int]]:
         yield name, int(design.values[parameter]), int(width * sum(map(design.per, used)))
 
 
-def _kept(design: Design) -> Iterator[str]:
-    for name, count, width in _sized(design):
+def _describe_memory(design: Design) -> Iterator[str]:
+    for name, count, width in _list_sizes(design):
         yield (
             f"Of `{design.name}` {count * width:,} bytes are for `{name}` = {count:,}, a constant of the code, "
             f"{width} bytes each. For less, export with a smaller `--set {name}=...`; the page of the component says "
@@ -137,7 +137,7 @@ def check_memory(designs: Sequence[Design], ram: int, in_loop: bool = False) -> 
     """Refuse a part with so many bytes of RAM if the components do not fit, and say what to change."""
     sizes, others = {design.name: memory(design) for design in designs}, STACK + LOOP * in_loop
     over = sum(sizes.values()) + others - ram
-    known = [each for design in designs for each in _sized(design)]
+    known = [each for design in designs for each in _list_sizes(design)]
     ways = [f"`--set {name}={n - math.ceil(over / width)}`" for name, n, width in known if n * width > over]
     if over > 0:
         taken = " + ".join(f"`{name}` {size:,}" for name, size in sizes.items())
@@ -287,11 +287,11 @@ def _rules(design: Design) -> Iterator[str]:
 def struct(design: Design, name: str, record: list[Member]) -> str:
     """Definition of the type of a record."""
     title = comment(f"{TITLES[name].format(name=design.name)}.")
-    lines = [line for member in record for line in _declared(member)]
+    lines = [line for member in record for line in _declare_member(member)]
     return "\n".join([title, "typedef struct {", *lines, f"}} {type_name(design, name)};"])
 
 
-def _declared(member: Member) -> list[str]:
+def _declare_member(member: Member) -> list[str]:
     size = f"[{member.size}]" if member.size else ""
     text = f"    {member.type}{' ' * (not member.type.endswith('*'))}{member.name}{size};"
     note = f" /* {member.comment.replace('*/', '* /')} */" if member.comment else ""
@@ -303,14 +303,14 @@ def _prototypes(design: Design) -> Iterator[str]:
         yield f"/* The start values of the parameters. */\n{_defaults_head(design)};"
     for graph in graphs(design):
         name = _name(graph)
-        yield f"/* {FUNCTIONS[name][2]} */\n{_head(design, name)};"
+        yield f"/* {FUNCTIONS[name][2]} */\n{_declare_function(design, name)};"
 
 
 def _name(graph: Graph) -> str:
     return {"constants": "prepare", "advance": "step"}.get(graph.name, graph.name)
 
 
-def _head(design: Design, name: str) -> str:
+def _declare_function(design: Design, name: str) -> str:
     records, written, _ = FUNCTIONS[name]
     return f"void {design.name}_{name}({arguments(design, records, written, members(design))})"
 
@@ -380,4 +380,4 @@ def _function(design: Design, graph: Graph) -> str:
     body = _body(design, graph)
     given = (n for n in FUNCTIONS[_name(graph)][0] if n in members(design))
     unused = [n for n in given if not any(f"{n}->" in line for line in body)]
-    return "\n".join([_head(design, _name(graph)), "{", *(f"    (void){n};" for n in unused), *body, "}"])
+    return "\n".join([_declare_function(design, _name(graph)), "{", *(f"    (void){n};" for n in unused), *body, "}"])

@@ -15,7 +15,7 @@ from gapsense.fmi.tables import column_name
 from gapsense.kernels.emit import Graph
 from gapsense.kernels.emit.c import WHOLE
 from gapsense.kernels.layout import fields, names
-from gapsense.problems import between
+from gapsense.problems import format_limits
 
 FIELD = re.compile(r"\s+(\w+): .*?(?:#\s*(.*))?$")
 ENTRY = re.compile(r"_\d+$")
@@ -79,7 +79,7 @@ def _range(port: Port) -> str:
         return f" ({', '.join(f'{k}: {choice}' for k, choice in enumerate(port.choices))})"
     if port.kind == "Boolean":
         return " (0: no, 1: yes)"
-    return f"; {limits}" if (limits := between(port.min, port.max)) else ""
+    return f"; {limits}" if (limits := format_limits(port.min, port.max)) else ""
 
 
 def table_sizes(design: Design) -> dict[str, str]:

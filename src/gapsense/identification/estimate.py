@@ -35,7 +35,7 @@ from gapsense.identification.parameter_set import values_for
 from gapsense.identification.residual import noise_of
 from gapsense.identification.valve.show import BY_NAME
 from gapsense.problems import listing
-from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, stack, suited
+from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, scale_axis, stack
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
 
@@ -389,7 +389,7 @@ def repeat_assumed(values: Mapping[str, Value], assumed: Sequence[str]) -> list[
 def estimate_figure(record: Record, estimates: Sequence[Estimate]) -> Figure:
     """What was measured, then one panel per estimated quantity with all estimators."""
     names = [q for q in QUANTITIES if any(q in e.outputs for e in estimates)]
-    label, scale = suited("current", "A", record.current)
+    label, scale = scale_axis("current", "A", record.current)
     scales = {name: _scale(estimates, name) for name in names}
     figure, axes = stack(record.name, ["voltage / V", label, *(label for label, _ in scales.values())])
     line(axes[0], record.times, record.voltage, TRUE)
@@ -402,7 +402,7 @@ def estimate_figure(record: Record, estimates: Sequence[Estimate]) -> Figure:
 def _scale(estimates: Sequence[Estimate], name: str) -> tuple[str, float]:
     """Label and factor of a quantity, by the values of most of the time."""
     usual = [np.percentile(e.outputs[name], SHOWN) for e in estimates if name in e.outputs]
-    label, scale = suited(name.replace("_", " "), QUANTITIES[name], *usual)
+    label, scale = scale_axis(name.replace("_", " "), QUANTITIES[name], *usual)
     return label.replace(" / ", "\n/ "), scale  # longer than its panel is high
 
 

@@ -12,7 +12,7 @@ from rich.table import Table
 from gapsense.identification.least_squares import rms
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.valve.model import Trajectory
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack, suited
+from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, scale_axis, stack
 from gapsense.report.table import quantity, table
 
 STROKE = ", and with a stroke 1 % too large mass, stiffness and damping are 2 % too small"
@@ -85,10 +85,10 @@ def measured_and_model(
     runs = [*((*pair, "fit") for pair in fitted), *((c.record, c.model, "validation") for c in checks)]
     ends = ("position\n/ mm", 1e3)
     if shows_flux:
-        ends = suited("flux\nlinkage", "Wb", *(model.flux_linkage for _, model, _ in runs))
+        ends = scale_axis("flux\nlinkage", "Wb", *(model.flux_linkage for _, model, _ in runs))
     scales = [
-        suited("current", "A", *(record.current for record, *_ in runs)),
-        suited("error", "A", *(record.current[-model.current.size :] - model.current for record, model, _ in runs)),
+        scale_axis("current", "A", *(record.current for record, *_ in runs)),
+        scale_axis("error", "A", *(record.current[-model.current.size :] - model.current for record, model, _ in runs)),
         ends,
     ]
     labels = ["voltage / V", *(label for label, _ in scales)]

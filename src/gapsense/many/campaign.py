@@ -20,7 +20,7 @@ from gapsense.many.prepare import Prepared, prepare, scenario_of
 from gapsense.many.provenance import provenance, sources
 from gapsense.many.result import FORMAT, KEY, Campaign, is_older, older, read_campaign
 from gapsense.many.store import DAMAGED, ERRORS, LOCK, Store, alone
-from gapsense.problems import InputError, ScenarioError, required
+from gapsense.problems import InputError, ScenarioError, require_package
 
 STUDY = "study.toml"  # the copy of the study
 
@@ -73,7 +73,7 @@ def campaign(
             ["The workers of a Dask scheduler run FMUs, not vectors. Leave `scheduler` or `engine` out."]
         )
     if scheduler:
-        required("distributed")
+        require_package("distributed")
     with nullcontext() if scheduler else runs_ahead(count, engine, scenario_of(study)):
         prepared = prepare(study, fmus, engine)
         folder = Path(out) if out is not None else Path("results") / prepared.study.path.stem

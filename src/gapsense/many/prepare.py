@@ -31,7 +31,7 @@ from gapsense.many.columns import OWN, columns_of
 from gapsense.many.draws import DISTRIBUTIONS, points
 from gapsense.many.keys import SECTIONS
 from gapsense.many.worker import Many, thrifty
-from gapsense.parameters import is_file, located
+from gapsense.parameters import is_file, locate_file
 from gapsense.problems import ScenarioError
 from gapsense.shipped import example
 from gapsense.tables import TABLES, Table, read_toml
@@ -170,7 +170,7 @@ class Reader:
         for (table, port, own), u in zip(factors, drawn.T):
             if port in columns:
                 table.note("parameter", f"`{port}` is drawn twice. Keep one.")
-            given = [located(str(port), value, self.folder, table) for value in own["values"] or ()]
+            given = [locate_file(str(port), value, self.folder, table) for value in own["values"] or ()]
             self.files += [Path(str(value)) for value in given if is_file(str(port), value)]
             columns[port] = DISTRIBUTIONS[own["distribution"]].quantile(u, {**own, "values": given})
         yield from self.known("sample.factors", columns)

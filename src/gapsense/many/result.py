@@ -17,7 +17,7 @@ from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
 from gapsense.cosim.show import pages
 from gapsense.many.columns import ENDED, ERROR, Columns, Vector, from_facts
 from gapsense.many.store import ERRORS, SIGNALS, WORDS, Store
-from gapsense.problems import InputError, required, suggest
+from gapsense.problems import InputError, require_package, suggest
 
 FORMAT, KEY = "gapsense campaign 3", "campaign"
 ROOM, SOME = 2**28, 2**16  # bytes that are kept in memory, and runs that are looked at together
@@ -173,7 +173,7 @@ def check_export(file: Path) -> None:
     """Raise an InputError for a file that nothing can be written to, or that needs what is not installed."""
     refuse_export(file, CSV, PARQUET)
     if file.suffix == PARQUET:
-        required("pyarrow")
+        require_package("pyarrow")
 
 
 def write_csv(campaign: Campaign, path: Path) -> None:

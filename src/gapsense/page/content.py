@@ -18,14 +18,14 @@ from gapsense.report.html import figures, run, style
 from gapsense.report.html.curves import SIGMAS, VARIANCE, Curve, Panel, deviation
 from gapsense.report.html.figures import Entry
 from gapsense.report.html.subject import Shown
-from gapsense.report.table import PREFIXES, UNPREFIXED, prefixed
+from gapsense.report.table import PREFIXES, UNPREFIXED, choose_prefix
 
 CONTROLS = 10  # where the scenario names none
 SPAN = 4.0  # from the least value of a slider to the given one, and from that to the greatest
 
 
-def content(subject: Subject, result: Result) -> dict[str, Any]:
-    """Everything that the scripts of a page need, as JSON."""
+def make_plan(subject: Subject, result: Result) -> dict[str, Any]:
+    """Collect what the scripts of a page need, as JSON."""
     scenario, experiment = subject.scenario, subject.scenario.experiment
     components = plan.values(subject, subject.make_take())
     return {
@@ -67,11 +67,11 @@ def panels(scenario: Scenario, result: Result) -> Iterator[dict[str, Any]]:
     """
     shown = Shown(file=Path(), result=result, scenario=scenario, note="", events=())
     pairs = {pair.signal: pair for pair in run.pairs(shown)}
-    axes = figures.shared(shown, style.colours(result.run.order), 0)
+    axes = figures.make_time_axis(shown, style.colours(result.run.order), 0)
     for of in sorted(run.panels(shown), key=lambda of: place_of(of, scenario)):
         entries = figures.entries(of, axes, "")
         curves = [
-            drawn(curve, entry, of.is_error, pairs.get(curve.name), band(result, curve.name))
+            describe_curve(curve, entry, of.is_error, pairs.get(curve.name), band(result, curve.name))
             for curve, entry in zip(of.curves, entries)
         ]
         yield {"title": of.title, "unit": of.unit, "note": of.note, "isError": of.is_error, "curves": curves}
@@ -88,10 +88,10 @@ def place_of(panel: Panel, scenario: Scenario) -> int:
     return 1 if panel.is_error or any(curve.is_truth for curve in panel.curves) else 2
 
 
-def drawn(
+def describe_curve(
     curve: Curve, entry: Entry, is_error: bool, pair: Metric | None, band: Mapping[str, Any] | None
 ) -> dict[str, Any]:
-    """A curve: a signal, or its difference from a reference. If it is published later, it has times of its own."""
+    """Describe a curve: a signal, or its difference from a reference. What is published later has its own times."""
     is_of_samples = pair is not None and (is_error or not curve.is_held)
     keys = {key: getattr(pair, key) for key in ("time", "where")} if is_of_samples else {}
     return {
@@ -167,6 +167,6 @@ def scale(port: Port, value: float) -> Mapping[str, Any]:
     low, high = (size / SPAN, size * SPAN) if value > 0.0 else (-size, size)
     if -math.inf < least < most < math.inf and (least <= 0.0 or most / least <= SPAN**4):
         low, high = least, most
-    factor, unit = prefixed(value, port.unit) if port.unit != "1" else (1.0, "")
+    factor, unit = choose_prefix(value, port.unit) if port.unit != "1" else (1.0, "")
     ends = [float(f"{max(least, min(most, end)):.3g}") for end in (low, high)]
     return {"low": ends[0], "high": ends[1], "unit": unit, "exponent": round(math.log10(factor))}

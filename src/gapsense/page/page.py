@@ -49,12 +49,12 @@ def page(scenario: Source, variant: str | None = None, fmus: str | Path | None =
     report.refuse_without_bokeh(DRAWN)
     from markupsafe import Markup
 
-    from gapsense.page.content import content  # here, since it needs bokeh
+    from gapsense.page.content import make_plan  # here, since it needs bokeh
 
     result = run_as_vectors(scenario, variant, fmus, "auto") or run(scenario, variant, fmus)
     compiled = module([subject.descriptions[name].name for name in subject.order.names], plan.header(subject))
     names = ("uplot/uPlot.iife.min.js", "numbers.js", "measure.js", "page.js")
-    scripts = [report.closed(report.read(name, HERE)) for name in names]
+    scripts = [report.escape_script(report.read(name, HERE)) for name in names]
     allowed = " ".join([MAY_COMPILE, *map(report.digest, scripts)])
     styles = (style.variables(), report.read("page.css"), report.read("uplot/uPlot.min.css", HERE))
     return str(
@@ -62,9 +62,11 @@ def page(scenario: Source, variant: str | None = None, fmus: str | Path | None =
             scenario=subject.scenario,
             policy=Markup(POLICY.format(allowed)),
             style=Markup("\n".join([*styles, report.read("page.css", HERE)])),
-            plan=content(subject, result),
-            module=packed(compiled),
-            worker=Markup("\n".join(report.closed(report.read(name, HERE)) for name in ("events.js", "worker.js"))),
+            plan=make_plan(subject, result),
+            module=pack_binary(compiled),
+            worker=Markup(
+                "\n".join(report.escape_script(report.read(name, HERE)) for name in ("events.js", "worker.js"))
+            ),
             scripts=[*map(Markup, scripts)],
             version=__version__,
             uplot=UPLOT,
@@ -96,7 +98,7 @@ def refuse_unfit(subject: Subject) -> None:
         raise ScenarioError([f"{scenario.path.name}: {problem}" for problem in problems])
 
 
-def packed(binary: bytes) -> str:
-    """A file as text that the browser unpacks by itself."""
+def pack_binary(binary: bytes) -> str:
+    """Compress a file to text that the browser unpacks by itself."""
     made = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
     return b64encode(made.compress(binary) + made.flush()).decode("ascii")

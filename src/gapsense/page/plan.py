@@ -69,8 +69,8 @@ def header(subject: Subject) -> str:
         size=layout.size,
         cells=count * width,
         arrays="\n".join(arrays),
-        slots=listed(slot(subject, component, k) for k, component in enumerate(components)),
-        parts=listed(own.part for own in lines),
+        slots=join_items(slot(subject, component, k) for k, component in enumerate(components)),
+        parts=join_items(own.part for own in lines),
         count=len(components),
         start=experiment.start,
         base_step=experiment.base_step,
@@ -162,8 +162,8 @@ def array(kind: str, name: str, items: Sequence[Any]) -> str:
     return f"static {kind} {name}[] = {{{text or '0'}}};"
 
 
-def listed(items: Iterable[str]) -> str:
-    """Items of an array, line by line."""
+def join_items(items: Iterable[str]) -> str:
+    """Write the items of an array, one per line."""
     return ",\n".join(f"    {item}" for item in items)
 
 

@@ -70,8 +70,8 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     """Each metric, alone and over each parameter: points, or a density; by default the first metrics and parameters."""
     from gapsense.report import plot
 
-    metrics = chosen(metrics, campaign.metrics, "metric")
-    factors = chosen(factors, campaign.factors, "parameter")
+    metrics = choose_names(metrics, campaign.metrics, "metric")
+    factors = choose_names(factors, campaign.factors, "parameter")
     if not metrics or not campaign.rows:
         raise InputError([f"{campaign.folder}: there are no metrics to draw yet."])
     found = Distributions(
@@ -90,7 +90,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
             if isinstance(over, Bars):
                 bars(axis, over)
                 axis.margins(x=0.05)
-                axis.set_xlabel(labelled(factor, campaign.units.get(factor, "")))
+                axis.set_xlabel(make_label(factor, campaign.units.get(factor, "")))
                 continue
             if isinstance(over, Points):
                 axis.plot(campaign.column(factor), campaign.column(metric), ".", color=plot.FIRST, markersize=3)
@@ -106,8 +106,8 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
     return made
 
 
-def chosen(names: Sequence[str], known: Sequence[str], what: str) -> list[str]:
-    """Names that are chosen, by default the first ones; an InputError if one is unknown."""
+def choose_names(names: Sequence[str], known: Sequence[str], what: str) -> list[str]:
+    """Choose names, by default the first ones; an InputError if one is unknown."""
     if unknown := [name for name in names if name not in known]:
         raise InputError([f"there is no {what} `{name}`. {suggest(name, known)}" for name in unknown])
     return list(names or known[:PANELS])
@@ -118,15 +118,15 @@ def scale(axis: Any, campaign: Campaign, name: str) -> None:
     from gapsense.report import plot
 
     unit = campaign.units.get(name, "")
-    axis.set_label_text(labelled(name, unit))
+    axis.set_label_text(make_label(name, unit))
     if unit not in ("", "1"):  # texts and plain numbers stay as they are
-        label, factor = plot.suited(name, unit, campaign.column(name))
+        label, factor = plot.scale_axis(name, unit, campaign.column(name))
         axis.set_label_text(label.replace(" / ", "\n/ "))
         axis.set_major_formatter(lambda value, _: f"{factor * value:.6g}")
 
 
-def labelled(name: str, unit: str) -> str:
-    """Label of an axis."""
+def make_label(name: str, unit: str) -> str:
+    """Make the label of an axis."""
     return f"{name}\n/ {unit}" if unit not in ("", "1") else name
 
 

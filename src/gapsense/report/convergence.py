@@ -18,16 +18,23 @@ MOST = 8  # signals in a figure
 LEAST = 1e-12  # of the range: the least error that a figure shows
 
 
-def shown(found: Convergence) -> list[Table | str]:
-    """What the command prints: errors, signals that do not converge, and what follows from both."""
+def tabulate(found: Convergence) -> list[Table | str]:
+    """Tabulate what the command prints: errors, signals that do not converge, and what follows from both."""
     steps = [quantity(step, "s") for step in found.steps]
     errors = [t for t in found.judged if not t.is_same]
     title = f"Errors at a base step of {steps[0]}, from {len(steps)} runs down to {steps[-1]}"
     made = table(title, ("signal", "order", "error", "of nominal", "of range", "longest step"))
     for t in errors:
-        cells = (t.signal, order(t), quantity(t.error, t.unit), percent(t.of_nominal), percent(t.of_range), step(t))
+        cells = (
+            t.signal,
+            order(t),
+            quantity(t.error, t.unit),
+            format_percent(t.of_nominal),
+            format_percent(t.of_range),
+            step(t),
+        )
         add_row(made, *cells, style="red" if t in found.beyond else None)
-    others = [(t.signal, percent(t.changes[-1] / t.range), t.why) for t in found.others]
+    others = [(t.signal, format_percent(t.changes[-1] / t.range), t.why) for t in found.others]
     parts: list[Table | str] = [made] if errors else []
     if others:
         tendencies = table("Signals that do not converge", ("signal", "why", "last change"), texts=2)
@@ -39,7 +46,7 @@ def shown(found: Convergence) -> list[Table | str]:
 
 def sentences(found: Convergence) -> Iterator[str]:
     """What follows from the tables."""
-    judged, allowed = found.judged, percent(found.tolerance)
+    judged, allowed = found.judged, format_percent(found.tolerance)
     moved = [t for t in judged if t.at_edges > max(t.error, found.tolerance * t.range)]
     same = [t.signal for t in found.signals.values() if t in judged and t.is_same and t not in moved]
     if same:
@@ -75,8 +82,8 @@ def step(t: Tendency) -> str:
     return "-" if t.step is None else f"{'>= ' * t.is_least}{quantity(t.step, 's')}"
 
 
-def percent(share: float) -> str:
-    """A share, with two digits."""
+def format_percent(share: float) -> str:
+    """Write a share in percent, with two digits."""
     return f"{100.0 * share:.2g} %"
 
 

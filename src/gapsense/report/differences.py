@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from gapsense.report.plot import FIRST, SECOND, TRUE, legend_below, line, panels, suited
+from gapsense.report.plot import FIRST, SECOND, TRUE, legend_below, line, panels, scale_axis
 from gapsense.report.table import quantity, table
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def window(difference: Difference) -> slice:
 def draw(axis: Any, difference: Difference, rows: slice) -> None:
     """Reference with its tube, the result, and the rows that fail."""
     times, bad = difference.times[rows], difference.failing[rows]
-    shown, factor = suited(difference.name, difference.unit, difference.reference)
+    shown, factor = scale_axis(difference.name, difference.unit, difference.reference)
     low, high = (factor * end[rows] for end in difference.tube)
     axis.fill_between(1e3 * times, low, high, step="post", color=SECOND, alpha=0.25, linewidth=0, label="tolerance")
     line(axis, times, factor * difference.reference[rows], TRUE, "reference", linewidth=1.8)

@@ -67,7 +67,7 @@ class Distributions:
         if (values := self.levels[factor]) is not None:
             groups = summary.grouped(self.campaign, factor, metric, values)
             quantiles = np.array([group.quantiles for group in groups]).reshape(-1, 3)
-            return Bars([named(group.value) for group in groups], quantiles, places_of([g.value for g in groups]))
+            return Bars([name_level(group.value) for group in groups], quantiles, places_of([g.value for g in groups]))
         return self.clouds[factor, metric] if self.is_counted else Points(factor, metric)
 
 
@@ -77,6 +77,6 @@ def places_of(values: Sequence[Any]) -> Vector:
     return np.array(values, dtype=float) if is_number and len(values) > 1 else np.arange(float(len(values)))
 
 
-def named(value: Any) -> str:
-    """A value of a parameter that has few."""
+def name_level(value: Any) -> str:
+    """Name a value of a parameter that has few."""
     return f"{value:.6g}" if isinstance(value, float) else str(value)

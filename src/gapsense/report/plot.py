@@ -20,7 +20,7 @@ from gapsense._os.files import read_bytes, refuse_unwritable, write_atomically
 from gapsense.cosim.result.sidecar import ELSEWHERE, own_file, refuse_other, relative
 from gapsense.cosim.scenario.records import matching
 from gapsense.problems import InputError, suggest
-from gapsense.report.table import prefixed
+from gapsense.report.table import choose_prefix
 from gapsense.units import QUANTITIES, UNITS
 
 Vector = npt.NDArray[np.float64]
@@ -143,10 +143,10 @@ def display(unit: str) -> tuple[str, float]:
     return (shown.name, shown.factor) if shown else (unit, 1.0)
 
 
-def suited(name: str, unit: str, *signals: Vector) -> tuple[str, float]:
-    """Label of an axis, `current / mA`, with the prefix that suits the largest value, and the factor to it."""
+def scale_axis(name: str, unit: str, *signals: Vector) -> tuple[str, float]:
+    """Scale an axis: its label, `current / mA`, with the prefix that suits the largest value, and the factor to it."""
     largest = max((float(np.abs(x[np.isfinite(x)]).max(initial=0.0)) for x in signals), default=0.0)
-    factor, text = prefixed(largest, unit)
+    factor, text = choose_prefix(largest, unit)
     return f"{name} / {text}", 1.0 / factor
 
 
@@ -162,7 +162,7 @@ def legend_below(figure: Figure) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
 
 
-def recorded(result: Recorded, names: Iterable[str]) -> None:
+def require_recorded(result: Recorded, names: Iterable[str]) -> None:
     """Refuse to draw a run that does not record these signals; all that are missing are named."""
     missing = [name for name in names if name not in result.signals]
     if missing:
@@ -220,6 +220,6 @@ def label(variables: Sequence[str], unit: str) -> str:
 def over(axis: Any, result: Recorded, x: tuple[str, float], y: tuple[str, float]) -> None:
     """The second signal over the first, of each component that has both, times their factors."""
     names = [name.partition(".")[0] for name in result.signals if name.endswith(f".{x[0]}")]
-    recorded(result, [f"{name}.{s}" for name in names or ["<actuator>"] for s in (x[0], y[0])])
+    require_recorded(result, [f"{name}.{s}" for name in names or ["<actuator>"] for s in (x[0], y[0])])
     for k, name in enumerate(names):
         axis.plot(x[1] * result[f"{name}.{x[0]}"], y[1] * result[f"{name}.{y[0]}"], f"C{k}", label=name, linewidth=1.0)

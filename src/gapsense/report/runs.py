@@ -30,7 +30,7 @@ def metrics(result: Result) -> list[Table]:
     for m in result.metrics.values():
         shown = made.setdefault(m.table, table(m.table or "Metrics", ("metric", "published", "this run", "bounds")))
         bounds = "" if m.bounds is None else " to ".join(quantity(b, m.unit) for b in m.bounds)
-        cells = (m.label, published(m.published, m.unit), quantity(m.value, m.unit), bounds)
+        cells = (m.label, format_published(m.published, m.unit), quantity(m.value, m.unit), bounds)
         add_row(shown, *cells, style=None if m.passed else "red")
     return list(made.values())
 
@@ -46,7 +46,7 @@ def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
     """Median and 5-95 % range of each metric beside the published value and the first run."""
     if not swept.indices:
         return []
-    if len(groups := grouped(swept)) > 1:
+    if len(groups := group_rows(swept)) > 1:
         return by_value(scenario, swept, groups)
     quantiles = swept.quantiles()
     runs, first_run = ("runs", "first run") if swept.grid else ("seeds", "first seed")
@@ -57,12 +57,12 @@ def sweep(scenario: Scenario, swept: Sweep) -> list[Table]:
         unit = swept.units.get(metric.name, "")
         low, median, high = (quantity(v, unit) for v in quantiles[metric.name])
         first = quantity(float(swept.metrics[metric.name][0]), unit) if swept.indices[0] == 0 else "-"
-        add_row(shown, metric.label, published(metric.published, unit), first, median, low, high)
+        add_row(shown, metric.label, format_published(metric.published, unit), first, median, low, high)
     return list(made.values())
 
 
-def grouped(swept: Sweep) -> dict[tuple[Value, ...], list[int]]:
-    """Rows of the runs that have the same swept values: they differ in their seeds only."""
+def group_rows(swept: Sweep) -> dict[tuple[Value, ...], list[int]]:
+    """Group the rows of runs that have the same swept values: they differ in their seeds only."""
     found: dict[tuple[Value, ...], list[int]] = {}
     for row, values in enumerate(zip(*swept.grid.values())):
         found.setdefault(values, []).append(row)
@@ -92,8 +92,8 @@ def cell(value: Value, unit: str) -> str:
     return f"{value:.9g} {unit}".strip() if is_number(value) else str(value)
 
 
-def published(value: float | None, unit: str) -> str:
-    """A published value, or nothing."""
+def format_published(value: float | None, unit: str) -> str:
+    """Write a published value, or nothing."""
     return "" if value is None else quantity(value, unit)
 
 

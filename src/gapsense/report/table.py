@@ -25,12 +25,12 @@ def quantity(value: float, unit: str) -> str:
     value = float(f"{value:.4g}")  # first, or 0.99999 Ohm becomes 1000 mOhm
     if unit in ("", "1") or value != value:
         return f"{value:.4g}"
-    factor, prefix = prefixed(value, unit)
+    factor, prefix = choose_prefix(value, unit)
     return f"{value / factor:.4g} {prefix}"
 
 
-def prefixed(value: float, unit: str) -> tuple[float, str]:
-    """The unit with the SI prefix that suits a value, and what it stands for."""
+def choose_prefix(value: float, unit: str) -> tuple[float, str]:
+    """Choose the SI prefix that suits a value: its factor, and the unit with it."""
     smallest = PREFIXES[-1] if value else PREFIXES[0]
     factor, prefix = next(((f, p) for f, p in PREFIXES if abs(value) >= f), smallest)
     return (1.0, unit) if unit in UNPREFIXED else (factor, f"{prefix}{unit}")
@@ -61,17 +61,17 @@ def show(console: Console, *items: Table | str) -> None:
         if isinstance(item, str):
             console.print(item, markup=False, soft_wrap=not console.is_terminal)
         else:
-            parts = fitted(item, console.width)
+            parts = fit_to_width(item, console.width)
             console.print(*([Text(str(item.title), "table.title")] if item.title else []), *parts, soft_wrap=False)
 
 
-def fitted(made: Table, width: int) -> list[Table]:
-    """The table without its title, in parts below one another if it is too wide: each has the first column again."""
+def fit_to_width(made: Table, width: int) -> list[Table]:
+    """Fit a table, without its title, to a width, in parts if it is too wide; each part has the first column again."""
     first, *others = made.columns
-    whole = {id(c): max(needed(c), cell_len(str(c.header))) for c in made.columns}
+    whole = {id(c): max(measure_width(c), cell_len(str(c.header))) for c in made.columns}
     if sum(whole.values()) + GAP * len(others) + FRAME <= width:
         return [part(made, made.columns, whole)]
-    widths = {id(c): needed(c) for c in made.columns}
+    widths = {id(c): measure_width(c) for c in made.columns}
     room = width - FRAME - widths[id(first)]
     least = split(others, widths, room, len(others))
     even = split(others, widths, room, -(-len(others) // len(least)))
@@ -102,8 +102,8 @@ def part(made: Table, columns: Sequence[Column], widths: Mapping[int, int]) -> T
     return taken
 
 
-def needed(column: Column) -> int:
-    """Characters without which a column cannot be read; long texts in it can be wrapped."""
+def measure_width(column: Column) -> int:
+    """Count the characters without which a column cannot be read; long texts in it can be wrapped."""
     texts = [str(cell) for cell in column.cells]
     longest = max(map(cell_len, texts), default=0)
     words = bound(column).split(" ")

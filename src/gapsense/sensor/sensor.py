@@ -108,13 +108,13 @@ class Outputs(NamedTuple):
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """First sample at once; it is never lost, since there is no earlier reading to hold."""
     start = State(seeded(par.seed), Contact(MOVING, 0.0, 0.0), Reading(0.0, 0.0, MOVING))
-    state = _sampled(start, inputs, par._replace(contact_bounce=0.0))
+    state = _take_sample(start, inputs, par._replace(contact_bounce=0.0))
     return state, _outputs(state.reading, 0.0)
 
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample."""
-    new = _sampled(state, inputs, par)
+    new = _take_sample(state, inputs, par)
     generator, u = uniform(new.generator)
     is_lost = u < par.dropout_probability
     contact = where_each(is_lost, state.contact, new.contact)
@@ -126,8 +126,8 @@ def _outputs(reading: Reading, dropout: Scalar) -> Outputs:
     return Outputs(reading.voltage, reading.current, reading.mode, dropout)
 
 
-def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
-    """State with a new reading."""
+def _take_sample(state: State, inputs: Inputs, par: Parameters) -> State:
+    """Take a new reading into the state."""
     generator, z_voltage = normal(state.generator)
     generator, z_current = normal(generator)
     voltage = inputs.voltage * (1.0 + par.gain_error_voltage) + par.offset_voltage + par.noise_voltage * z_voltage
@@ -135,17 +135,17 @@ def _sampled(state: State, inputs: Inputs, par: Parameters) -> State:
     by_position = _mode(inputs.position, state.contact.closed, par)
     is_by_position = par.contact_source == ContactSource.position
     told = where(inputs.mode < LOWER / 2.0, MOVING, inputs.mode)  # 0: a host that knows none yet
-    contact, mode = _bounced(state.contact, where(is_by_position, by_position, told), par.contact_bounce)
+    contact, mode = _bounce_contact(state.contact, where(is_by_position, by_position, told), par.contact_bounce)
     reading = Reading(
-        voltage=_converted(voltage, par.range_voltage, par.resolution_voltage),
-        current=_converted(current, par.range_current, par.resolution_current),
+        voltage=_quantise(voltage, par.range_voltage, par.resolution_voltage),
+        current=_quantise(current, par.range_current, par.resolution_current),
         mode=mode,
     )
     return State(generator, contact, reading)
 
 
-def _bounced(before: Contact, mode: Scalar, longest: Scalar) -> tuple[Contact, Scalar]:
-    """The contact at a sample, and the mode that it shows. Each opening is one sample shorter than the one before."""
+def _bounce_contact(before: Contact, mode: Scalar, longest: Scalar) -> tuple[Contact, Scalar]:
+    """Let the contact bounce, and tell the mode it shows. Each opening is one sample shorter than the one before."""
     is_closed = (mode == LOWER) | (mode == UPPER)
     closes, is_open = is_closed & (before.closed == MOVING), before.open_left > 0.0
     following = where(before.opening > 0.0, before.opening - 1.0, 0.0)
@@ -155,8 +155,8 @@ def _bounced(before: Contact, mode: Scalar, longest: Scalar) -> tuple[Contact, S
     return Contact(mode, where(is_closed, opening, 0.0), where(is_closed, left, 0.0)), shown
 
 
-def _converted(x: Scalar, limit: Scalar, q: Scalar) -> Scalar:
-    """Saturation at +-`limit`, then mid-tread rounding to a multiple of `q`: zero is a code, ties go up."""
+def _quantise(x: Scalar, limit: Scalar, q: Scalar) -> Scalar:
+    """Saturate at +-`limit`, then round mid-tread to a multiple of `q`: zero is a code, ties go up."""
     x = where(limit > 0.0, clip(x, -limit, limit), x)
     has_steps = q > 0.0
     q = where(has_steps, q, 1.0)

@@ -21,11 +21,11 @@ from gapsense.cosim.scenario.read import Document
 from gapsense.parameters import is_file
 from gapsense.problems import InputError, listing, suggest
 from gapsense.ssp.carried import OF_COMPONENTS, OF_CONNECTIONS, WHOLE
-from gapsense.ssp.package import Package, opened
+from gapsense.ssp.package import Package, open_package
 from gapsense.ssp.structure import SINKS, Connector, Element, Link, Place, read_element
 from gapsense.ssp.units import Line, Units, conversion, read_units, together, units_of
-from gapsense.ssp.values import Node, Reader
-from gapsense.ssp.words import DESCRIPTION, OSP, OWN, numbered, tag
+from gapsense.ssp.values import BindingReader, Node
+from gapsense.ssp.words import DESCRIPTION, OSP, OWN, number_names, tag
 from gapsense.tables import Value, is_number
 
 FMUS, FILES = "fmus", "files"  # folders beside the scenario
@@ -49,8 +49,8 @@ def bring(
     shutil.rmtree(partial, ignore_errors=True)  # what a kill left
     try:
         (partial / FMUS).mkdir(parents=True)
-        with opened(path) as package:
-            data = content(package, partial, problems, notes, base_step=base_step, stop=stop, method=method)
+        with open_package(path) as package:
+            data = build_tables(package, partial, problems, notes, base_step=base_step, stop=stop, method=method)
         refuse(path, problems)
         write_document(Document(partial / "scenario.toml", data), partial / "scenario.toml")
         refuse(path, check(partial, fmus=partial / FMUS))
@@ -66,15 +66,17 @@ def refuse(path: Path, problems: list[str]) -> None:
         raise InputError([f"{path.name}: {problem}" for problem in problems])
 
 
-def content(package: Package, folder: Path, problems: list[str], notes: list[str], **options: Any) -> dict[str, Any]:
-    """Tables of the scenario; FMUs and other files are put into its folder. Not complete if there are problems."""
+def build_tables(
+    package: Package, folder: Path, problems: list[str], notes: list[str], **options: Any
+) -> dict[str, Any]:
+    """Build the tables of the scenario; FMUs and other files go into its folder. Incomplete if there are problems."""
     root, outer = read_structure(package, problems, notes)
     maker = Maker(package=package, root=root, outer=outer, folder=folder, problems=problems, notes=notes)
     experiment = maker.told.experiment(**options)
     problems += [] if maker.components else ["there is no component in it. Add one."]
     if problems:
         return {}
-    data = maker.made(root.get("name", "") or package.path.stem, experiment)
+    data = maker.make_tables(root.get("name", "") or package.path.stem, experiment)
     take_files(package, data, folder)
     return data
 
@@ -114,7 +116,7 @@ def take_fmus(package: Package, components: list[Element], folder: Path, problem
 def fresh(name: str, taken: set[str]) -> str:
     """A file name that none of the others has, whatever the case of its letters."""
     others, path = {other.lower() for other in taken}, PurePosixPath(name)
-    return next(name for name in numbered(path.stem, path.suffix) if name.lower() not in others)
+    return next(name for name in number_names(path.stem, path.suffix) if name.lower() not in others)
 
 
 def described_all(
@@ -177,7 +179,7 @@ class Maker:
         own = read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")
         self.units = {**shared, **own}  # those of the document go before
         known = {path: d.variables for path, d in self.descriptions.items()}
-        reader = Reader(package=package, units=self.units, known=known, problems=problems, notes=notes)
+        reader = BindingReader(package=package, units=self.units, known=known, problems=problems, notes=notes)
         reader.read(outer)
         reader.finish()
         self.given, self.wiring = reader.given, Wiring(outer, self.units, problems)
@@ -189,8 +191,8 @@ class Maker:
         self.idle: list[str] = []
         self.reached: set[Node] = set()  # where values come from
 
-    def made(self, title: str, experiment: Mapping[str, Any]) -> dict[str, Any]:
-        """Tables of the scenario."""
+    def make_tables(self, title: str, experiment: Mapping[str, Any]) -> dict[str, Any]:
+        """Make the tables of the scenario."""
         renamed = ((one.name, self.names[one.path]) for one in self.components)
         self.notes += [f"`{name}` is called `{new}`." for name, new in renamed if name != new]
         base = experiment.get("base_step")
@@ -244,7 +246,7 @@ class Maker:
             if node in self.given:
                 self.notes.append(f"{target}: its start value is left out, since it is connected.")
             return
-        value = self.through(way, variable) if way else self.valued(node, variable.unit or "")
+        value = self.through(way, variable) if way else self.find_value(node, variable.unit or "")
         if value is None:
             self.idle.append(target)
             value = ZERO.get(variable.type, 0) if variable.start is None else variable.start
@@ -273,7 +275,7 @@ class Maker:
                 f"{name}: it is connected to `{sanitise(way.source[1])}`, only inputs may be connected. Set a value."
             )
             return None
-        value = self.through(way, variable) if way else self.valued(node, variable.unit or "")
+        value = self.through(way, variable) if way else self.find_value(node, variable.unit or "")
         return None if value == variable.start and not variable.is_settable else value
 
     @cached_property
@@ -292,11 +294,11 @@ class Maker:
     def through(self, way: Way, variable: Variable) -> Value | None:
         """Value of a connector of a system, as it arrives at a variable."""
         unit = self.wiring.connectors[way.source].unit
-        value = self.valued(way.source, unit or variable.unit or "")
-        return value if value is None else converted(value, way.line)
+        value = self.find_value(way.source, unit or variable.unit or "")
+        return value if value is None else convert_value(value, way.line)
 
-    def valued(self, node: Node, unit: str) -> Value | None:
-        """Value that is given to a node, in some unit, or None."""
+    def find_value(self, node: Node, unit: str) -> Value | None:
+        """Find the value that is given to a node, in some unit, or None."""
         given = self.given.get(node)
         if given is None:
             return None
@@ -306,11 +308,11 @@ class Maker:
         if line is None:
             said = f"it is in `{sanitise(given.unit)}`, `{unit}` is expected, and there is no conversion"
             self.problems.append(f"{given.place}: {said}. Define both units, or correct one.")
-        return converted(given.value, (line or Line()).then(given.line))
+        return convert_value(given.value, (line or Line()).then(given.line))
 
 
-def converted(value: Value, line: Line) -> Value:
-    """A value after a line; what is no number has none."""
+def convert_value(value: Value, line: Line) -> Value:
+    """Apply a line to a value; what is no number stays."""
     return line.of(float(value)) if is_number(value) and line != Line() else value
 
 
@@ -321,7 +323,7 @@ def plain_names(paths: list[Place]) -> dict[Place, str]:
         first = re.sub(r"\W", "_", "_".join(path), flags=re.ASCII)
         first = first if re.match("[A-Za-z_]", first) else f"c_{first}"
         taken = set(names.values())
-        names[path] = next(name for name in numbered(first) if name not in taken)
+        names[path] = next(name for name in number_names(first) if name not in taken)
     return names
 
 

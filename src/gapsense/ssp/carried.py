@@ -15,8 +15,8 @@ OF_COMPONENTS = ("step", "offset", "edge", "isolation")
 LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
 
 
-def carried(scenario: Scenario, document: Document) -> dict[str, Any]:
-    """Tables for the annotation."""
+def collect_tables(scenario: Scenario, document: Document) -> dict[str, Any]:
+    """Collect the tables for the annotation."""
     tables = {key: document.data[key] for key in WHOLE if key in document.data}
     tables["experiment"] = {**tables["experiment"], "method": scenario.experiment.method}
     components = {name: own for name, component in scenario.components.items() if (own := differing(component))}

@@ -21,7 +21,7 @@ from gapsense.problems import InputError, ScenarioError, listing
 from gapsense.ssp import carried
 from gapsense.ssp.package import violations
 from gapsense.ssp.units import EXPONENTS, Units, together, units_of
-from gapsense.ssp.words import DESCRIPTION, FMU_TYPE, OSP, OWN, PREFIXES, VALUES, VERSION, numbered, tag
+from gapsense.ssp.words import DESCRIPTION, FMU_TYPE, OSP, OWN, PREFIXES, VALUES, VERSION, number_names, tag
 from gapsense.tables import Value
 
 DATE = (1980, 1, 1, 0, 0, 0)  # of all members, so that the same scenario gives the same bytes
@@ -43,7 +43,7 @@ class Exported:
         """Name in the archive of each FMU file; two files of one name get a number."""
         names: dict[Path, str] = {}
         for path in (d.path.resolve() for d in self.descriptions.values()):
-            tries, taken = numbered(f"resources/{path.stem}", ".fmu"), set(names.values())
+            tries, taken = number_names(f"resources/{path.stem}", ".fmu"), set(names.values())
             names.setdefault(path, next(name for name in tries if name not in taken))
         return names
 
@@ -96,12 +96,12 @@ def export(source: Source, path: Path, variant: str | None = None, fmus: str | P
         raise InputError([f"`{path}`: a system structure package has the ending .ssp. Change the ending."])
     scenario, descriptions = prepare(source, variant, fmus)
     document = document_of(source, variant)
-    made = Exported(scenario, descriptions, carried.carried(scenario, document))
+    made = Exported(scenario, descriptions, carried.collect_tables(scenario, document))
     problems = [f"{scenario.path.name}, {problem}" for problem in refusals(made)]
     if problems:
         raise ScenarioError(problems)
     every = parameter_set(scenario.name, changed_values(made))  # in one set, for tools that read only one
-    members = {DESCRIPTION: description(made), VALUES: written(every)}
+    members = {DESCRIPTION: description(made), VALUES: serialise(every)}
     wrong = [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]
     if wrong:
         raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {line}" for line in wrong])
@@ -163,7 +163,7 @@ def description(made: Exported) -> bytes:
     add_enumerations(root, {f"{name}.{v.name}": v.items for name, v in every if v.type == "Enumeration"})
     add_units(root, [v.unit for _, v in every if v.unit], made.units)
     add_experiment(root, made)
-    return written(root)
+    return serialise(root)
 
 
 def add_component(parent: Element, made: Exported, name: str) -> None:
@@ -222,8 +222,8 @@ def add(parent: Element, name: str, attributes: Mapping[str, Any] | None = None)
     return SubElement(parent, tag(name), given)
 
 
-def written(root: Element) -> bytes:
-    """A document as text, with the usual prefixes: some tools know nothing but these."""
+def serialise(root: Element) -> bytes:
+    """Write a document as text, with the usual prefixes: some tools know nothing but these."""
     for prefix, uri in PREFIXES.items():
         register_namespace(prefix, uri)
     indent(root)

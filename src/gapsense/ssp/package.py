@@ -57,8 +57,8 @@ class Package:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Package]:
-    """A package, read after its archive was looked through; an InputError says why it is not."""
+def open_package(path: Path) -> Iterator[Package]:
+    """Open a package once its archive was looked through; an InputError says why it is refused."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = refuse_dangerous(archive.infolist(), path.stat().st_size)

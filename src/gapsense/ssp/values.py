@@ -29,8 +29,8 @@ class Given(NamedTuple):
     suppress: bool = False  # no conversion of units
 
 
-class Reader:
-    """Reads the bindings of all elements; `problems` and `notes` take what is wrong, and what is left out."""
+class BindingReader:
+    """Reads the parameter bindings of all elements; `problems` and `notes` take what is wrong, and what is left out."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class Reader:
         mapping = xml.find(tag("ssd:ParameterMapping"))
         values = {name: given for name, given in self.values(root, source or element.name)}
         if mapping is not None:
-            values = self.mapped(values, self.part(mapping, "", "ssm:ParameterMapping", (MAPPING_TYPE, "ssm")))
+            values = self.apply_mapping(values, self.part(mapping, "", "ssm:ParameterMapping", (MAPPING_TYPE, "ssm")))
         for name, given in values.items():
             self.give(element, xml.get("prefix", "") + name, given, source or str(id(xml)))
 
@@ -97,15 +97,17 @@ class Reader:
         for xml in root.iterfind(f"{tag('ssv:Parameters')}/{tag('ssv:Parameter')}"):
             name, where = (xml.get("name", ""), f"{sanitise(place)}, parameter `{sanitise(xml.get('name', ''))}`")
             typed = next((child for child in xml if plain(child.tag).startswith("ssv:")), None)
-            value = None if typed is None else parsed(plain(typed.tag).removeprefix("ssv:"), typed.get("value", ""))
+            value = (
+                None if typed is None else parse_value(plain(typed.tag).removeprefix("ssv:"), typed.get("value", ""))
+            )
             if typed is None or value is None:
                 kind = "nothing" if typed is None else sanitise(f"{plain(typed.tag)} `{typed.get('value', '')}`")
                 self.problems.append(f"{where}: {kind} found, a number, a truth value or a text expected. Correct it.")
             else:
                 yield name, Given(value, typed.get("unit", ""), units, where)
 
-    def mapped(self, values: Mapping[str, Given], root: Xml) -> dict[str, Given]:
-        """Values by the names that a mapping gives them; what the mapping does not name is left out."""
+    def apply_mapping(self, values: Mapping[str, Given], root: Xml) -> dict[str, Given]:
+        """Rename values as a mapping says; what it does not name is left out."""
         out: dict[str, Given] = {}
         entries = [*root.iterfind(tag("ssm:MappingEntry"))]
         for xml in entries:
@@ -144,8 +146,8 @@ def target(element: Element, name: str) -> Node | None:
     return None
 
 
-def parsed(kind: str, text: str) -> Value | None:
-    """A value of SSP as TOML writes it, or None if TOML cannot."""
+def parse_value(kind: str, text: str) -> Value | None:
+    """Read a value of SSP as TOML writes it, or None if TOML cannot."""
     if kind in ("String", "Enumeration"):
         return text
     if kind == "Boolean":

@@ -27,8 +27,8 @@ SCHEMAS = {
 }
 
 
-def numbered(stem: str, ending: str = "") -> Iterator[str]:
-    """`stem`, `stem_1` and so on, with an ending: the first of these names that is free."""
+def number_names(stem: str, ending: str = "") -> Iterator[str]:
+    """Number names, `stem`, `stem_1` and so on, with an ending; the caller takes the first that is free."""
     return (f"{stem}{f'_{k}' if k else ''}{ending}" for k in count())
 
 

@@ -26,7 +26,7 @@ from gapsense.many.provenance import key
 from gapsense.many.store import RUNS, Store, alone
 from gapsense.many.worker import by_port
 from gapsense.problems import FmuError
-from gapsense.tables import Value, merged
+from gapsense.tables import Value, merge_tables
 
 Values = Mapping[str, Value]  # by `component.parameter`
 Signals = npt.NDArray[np.float64]  # (rows, names)
@@ -40,7 +40,7 @@ def after(progress: Progress, before: int, total: int, each: int = 1) -> Callabl
 def overlaid(scenario: Path, tables: Mapping[str, Any]) -> Document:
     """A scenario with tables laid over those of its file, as those of a variant are."""
     document = document_of(scenario)
-    return replace(document, data=merged(document.data, tables), is_file=False)
+    return replace(document, data=merge_tables(document.data, tables), is_file=False)
 
 
 def signals(

@@ -507,7 +507,7 @@ class Instance3(Instance):
 
         return do
 
-    def judged(self, status: int, start: float, duration: float) -> int:
+    def judge_step(self, status: int, start: float, duration: float) -> int:
         """The status of a step, which says it all."""
         return status
 

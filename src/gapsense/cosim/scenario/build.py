@@ -20,7 +20,7 @@ from gapsense.cosim.scenario.keys import FILE, key_of
 from gapsense.cosim.scenario.read import Document, document_of, scenario_file
 from gapsense.cosim.show import pages
 from gapsense.problems import ScenarioError, suggest
-from gapsense.tables import Section, flattened
+from gapsense.tables import Section, flatten_table
 
 if TYPE_CHECKING:
     from gapsense.cosim.convergence import Convergence
@@ -107,7 +107,7 @@ class Scenario:
         own = {key: plain(more.pop(key)) for key in KEYS if key in more}
         self.components[name] = {"fmu": Path(fspath(fmu)).as_posix(), **own}
         given: dict[str, Any] = {**(values or {}), **more}
-        for variable, value in flattened(plain(given)):
+        for variable, value in flatten_table(plain(given)):
             self.set(f"{name}.{variable}", value)
         return self
 

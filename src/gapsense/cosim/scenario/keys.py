@@ -9,7 +9,7 @@ from typing import Any
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.records import ACTIONS, INTERPOLATIONS, ISOLATIONS, METHODS, NAME
 from gapsense.parameters import is_file
-from gapsense.tables import TYPES, Key, Section, parsed
+from gapsense.tables import TYPES, Key, Section, parse_toml
 
 PATHS: dict[str, Callable[[str, str], bool]] = {  # whether a key of some name has a text that is a path
     "any": lambda name, text: True,
@@ -20,7 +20,7 @@ PATHS: dict[str, Callable[[str, str], bool]] = {  # whether a key of some name h
 
 def read_sections(file: Path, choices: Mapping[str, Collection[str]]) -> dict[str, Section]:
     """The sections of a table of keys by name; `choices` has the words that a row names."""
-    data, made = parsed(file.read_text("utf-8")) or {}, dict[str, Section]()
+    data, made = parse_toml(file.read_text("utf-8")) or {}, dict[str, Section]()
 
     def section(name: str) -> Section:
         """Section of that name, made once; its last key stands for names that are free if it is called `<...>`."""

@@ -55,7 +55,7 @@ from gapsense.cosim.scenario.records import (
     When,
     product,
 )
-from gapsense.parameters import is_file, located, located_values, read_parameters
+from gapsense.parameters import is_file, locate_file, located_values, read_parameters
 from gapsense.problems import ScenarioError, suggest
 from gapsense.shipped import example, examples
 from gapsense.tables import (
@@ -67,8 +67,8 @@ from gapsense.tables import (
     Kind,
     Table,
     Value,
-    flattened,
-    merged,
+    flatten_table,
+    merge_tables,
     parsed_value,
     read_toml,
 )
@@ -184,7 +184,7 @@ class Document:
             problems.append(f"{self.path.name}: there is no variant `{variant}`. {suggest(variant, known)}")
             return None
         base = {key: value for key, value in self.data.items() if key != "variants"}
-        return replace(self, data=merged(base, variants[variant]) | {"variants": variants})
+        return replace(self, data=merge_tables(base, variants[variant]) | {"variants": variants})
 
 
 Source = str | Path | Document  # of a scenario: its file or folder, or its content
@@ -241,7 +241,7 @@ def document_of(source: Source, variant: str | None = None) -> Document:
 # Values laid over a scenario from outside: `--set component.variable=value`.
 
 
-def change_scenario(source: Source, settings: Sequence[str]) -> Source:
+def changed(source: Source, settings: Sequence[str]) -> Source:
     """Lay values over a scenario that are written as on the command line: `valve.damping=0.4`.
 
     What TOML does not take as a value is a text; files are relative to the working folder. What is wrong is told with
@@ -473,7 +473,7 @@ class ScenarioReader:
         table = table.table("inputs")
         signals = dict(signal_tables(table.data))
         heads = tuple(f"{name}." for name in signals)
-        plain = {name: value for name, value in flattened(table.data) if not name.startswith(heads)}
+        plain = {name: value for name, value in flatten_table(table.data) if not name.startswith(heads)}
         constants = table.child(plain, "").flat(SCALAR)
         read = {n: read_signal(table.child(data, n), self.path.parent, self.files) for n, data in signals.items()}
         inputs = by_port(table, constants)
@@ -676,7 +676,7 @@ def read_lists(table: Table, folder: Path, files: list[Path]) -> Grid:
     for name in [name for name, values in lists.items() if len(set(values)) < len(values)]:
         table.note(name, "the same value is given twice. Remove one.")
         del lists[name]
-    grid = {n: tuple(located(n, value, folder, table) for value in values) for n, values in lists.items()}
+    grid = {n: tuple(locate_file(n, value, folder, table) for value in values) for n, values in lists.items()}
     files += [Path(str(value)) for name, values in grid.items() for value in values if is_file(name, value)]
     return by_port(table, grid)
 
@@ -698,7 +698,7 @@ def read_rows(path: Path, sweep: Table, files: list[Path], components: Collectio
     values = [
         [cell_value(sheet, i, j, problems, files) for j in range(len(sheet.names))] for i in range(len(sheet.rows))
     ]
-    twice = [name for name, _ in flattened(sweep.data) if name in sheet.names]
+    twice = [name for name, _ in flatten_table(sweep.data) if name in sheet.names]
     problems += [f"`{name}` is given in {path.name} and in `[sweep]` too. Keep one." for name in twice]
     problems += [] if values or problems else [f"{path.name} has no rows. Add one per run."]
     for problem in problems:
@@ -851,7 +851,7 @@ def read_event(table: Table, name: str, changes: Mapping[str, Any]) -> Event | N
     """One event, or None after noting why there is none; `changes` are values by `event.key`."""
     head = f"{name}."
     if own := {key.removeprefix(head): value for key, value in changes.items() if key.startswith(head)}:
-        flat = {**dict(flattened(table.data)), **own}
+        flat = {**dict(flatten_table(table.data)), **own}
         inner = {key.removeprefix("when."): value for key, value in flat.items() if key.startswith("when.")}
         outer = {key: value for key, value in flat.items() if "." not in key}
         table = table.child({**outer, **({"when": inner} if inner else {})}, "")

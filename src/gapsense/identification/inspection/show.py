@@ -15,7 +15,7 @@ from gapsense.identification.inspection.facts import WHITE, Facts, Kink, Signal
 from gapsense.identification.measurements.operations import estimate
 from gapsense.identification.measurements.prepare import FEWEST_AT_REST, MOST_OFFSET
 from gapsense.identification.measurements.record import SHOWN, Record, Vector
-from gapsense.report.plot import FAINT, FIRST, GRID, PAGE, SECOND, THIRD, TRUE, panels, suited
+from gapsense.report.plot import FAINT, FIRST, GRID, PAGE, SECOND, THIRD, TRUE, panels, scale_axis
 from gapsense.report.table import quantity, table
 
 FEW = 20  # samples in the rise of the current below which the place of an edge between two samples counts
@@ -411,7 +411,7 @@ def draw(axes: Any, record: Record, found: Facts, title: str) -> None:
     axes[0, 0].set_title(f"{title}: all" if title else "all of it", loc="left", fontsize="medium")
     axes[0, 1].set_title("first operation" if found.pulses else "its beginning", loc="left", fontsize="medium")
     for row, panel, color in zip(axes, names, (TRUE, TRUE, FIRST)):
-        label, scale = suited(*panel)
+        label, scale = scale_axis(*panel)
         row[0].set_ylabel(label.replace("flux linkage", "flux\nlinkage"))
         for axis, part in zip(row, (slice(None), in_sight(record, found))):
             curve(axis, record.times[part], scale * panel[2][part], color)

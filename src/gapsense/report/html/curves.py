@@ -93,8 +93,8 @@ def band(result: Result, name: str) -> Vector | None:
     return SIGMAS * np.maximum(spread, 0.0)
 
 
-def recorded(result: Result, name: str, is_truth: bool = False) -> Curve:
-    """A recorded signal over all rows."""
+def from_signal(result: Result, name: str, is_truth: bool = False) -> Curve:
+    """Make the curve of a recorded signal over all rows."""
     return Curve(name=name, times=result.times, values=result[name], band=band(result, name), is_truth=is_truth)
 
 
@@ -104,8 +104,8 @@ def constant(result: Result, name: str) -> Curve:
     return Curve(name, result.times[[0, -1]], np.array([value, value]), is_truth=True)
 
 
-def published(result: Result, pair: Metric) -> Curve:
-    """A signal that is about earlier times, at these."""
+def from_samples(result: Result, pair: Metric) -> Curve:
+    """Make the curve of a signal that is about earlier times, at these."""
     samples, spread = samples_of(result, pair), band(result, pair.signal)
     values = result[pair.signal][samples.rows]
     return Curve(pair.signal, samples.times, values, None if spread is None else spread[samples.rows], is_held=False)
@@ -133,8 +133,8 @@ def most(curves: int) -> int:
     return max(200, min(MOST, ALL // max(curves, 1)))
 
 
-def kept(values: Vector, most: int) -> Rows:
-    """Rows to show of a curve: all, or else the first, the last, and the least and greatest of each bucket of rows."""
+def choose_rows(values: Vector, most: int) -> Rows:
+    """Choose rows to show of a curve: all, or else the first, the last, least and greatest of each bucket of rows."""
     if values.size <= most:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, (most - 2) // 2 + 1).astype(np.intp)

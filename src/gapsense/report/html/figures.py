@@ -14,9 +14,9 @@ from bokeh.plotting import figure
 
 from gapsense.cosim.result.compare import Difference
 from gapsense.report.html import style
-from gapsense.report.html.curves import Curve, Panel, Strip, Vector, kept
+from gapsense.report.html.curves import Curve, Panel, Strip, Vector, choose_rows
 from gapsense.report.html.subject import Event, Shown
-from gapsense.report.table import prefixed
+from gapsense.report.table import choose_prefix
 
 bk: Any = bokeh.models  # whose annotations lack much of it
 LEFT = 64  # pixels for the numbers of the y-axis, so that all panels have the same width
@@ -40,10 +40,10 @@ class Axes:
     most: int  # points of a curve
 
 
-def shared(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
-    """The time axis of a result, in the unit that suits its span."""
+def make_time_axis(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
+    """Make the time axis of a result, in the unit that suits its span."""
     first, last = (float(shown.result.times[k]) for k in (0, -1))
-    factor, unit = prefixed(max(abs(first), abs(last)), "s")
+    factor, unit = choose_prefix(max(abs(first), abs(last)), "s")
     last = last if last > first else first + factor
     ends = {"start": first / factor, "end": last / factor}
     cursor = bk.Span(dimension="height", line_color=style.AXES, line_width=1)
@@ -139,8 +139,8 @@ def panel(of: Panel, axes: Axes, key: str) -> Drawn:
     scale, unit = fitting(of.unit, *(curve.values for curve in of.curves))
     legend, shown, rows = [], 0, 0
     for k, (curve, entry) in enumerate(zip(of.curves, entries(of, axes, key))):
-        chosen = kept(curve.values, axes.most)
-        draw(made, thinned(curve, chosen), entry, axes, scale, of.is_error, width(curve, k, len(of.curves)))
+        chosen = choose_rows(curve.values, axes.most)
+        draw(made, take_rows(curve, chosen), entry, axes, scale, of.is_error, width(curve, k, len(of.curves)))
         legend.append(entry)
         shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
     fit(made)
@@ -163,7 +163,7 @@ def fitting(unit: str, *signals: Vector) -> tuple[float, str]:
     if unit in ("", "1"):
         return 1.0, ""
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in signals]
-    factor, shown = prefixed(float(max(sizes, default=0.0)), unit)
+    factor, shown = choose_prefix(float(max(sizes, default=0.0)), unit)
     return 1.0 / factor, shown
 
 
@@ -178,8 +178,8 @@ def entries(of: Panel, axes: Axes, key: str) -> Iterator[Entry]:
         yield Entry(key=f"{key}-{k}", label=curve.name, colour=colour, dash=dash, is_band=curve.band is not None)
 
 
-def thinned(curve: Curve, rows: Any) -> Curve:
-    """The rows of a curve that are shown."""
+def take_rows(curve: Curve, rows: Any) -> Curve:
+    """Take the rows of a curve that are shown."""
     half = None if curve.band is None else curve.band[rows]
     return replace(curve, times=curve.times[rows], values=curve.values[rows], band=half)
 
@@ -193,7 +193,7 @@ def draw(
     made: Any, curve: Curve, entry: Entry, axes: Axes, scale: float, is_error: bool, line_width: float = 1.4
 ) -> None:
     """One curve; the band of an error is around zero."""
-    curve = curve if curve.is_held else broken(curve)
+    curve = curve if curve.is_held else break_at_gaps(curve)
     x, y = short(curve.times * axes.factor), short(curve.values * scale)
     if curve.band is not None:
         middle = 0.0 if is_error else y
@@ -205,8 +205,8 @@ def draw(
         made.line(x, y, **line)
 
 
-def broken(curve: Curve) -> Curve:
-    """A curve with a gap where no values are; NaN makes a gap."""
+def break_at_gaps(curve: Curve) -> Curve:
+    """Break a curve where no values are; NaN makes a gap."""
     apart = np.diff(curve.times)
     gaps = 1 + np.flatnonzero(apart > GAP * np.median(apart)) if apart.size else apart.astype(np.intp)
     values = np.insert(curve.values, gaps, np.nan)
@@ -280,37 +280,39 @@ def draw_tube(
     """Signal, reference, and the tube around it; the rows outside."""
     colours = (style.INK, style.CURVES[0], style.FAIL)
     base, own, bad = (Entry(f"{key}-{k}", name, colour) for k, (name, colour) in enumerate(zip(TUBE, colours)))
-    rows, failing = kept(of.values - of.reference, axes.most), np.flatnonzero(of.failing)
+    rows, failing = choose_rows(of.values - of.reference, axes.most), np.flatnonzero(of.failing)
     values, reference, low, high = what
     area(made, short(of.times[rows] * axes.factor), low[rows] * scale, high[rows] * scale, base)
     for entry, curve in ((base, reference), (own, values)):
         draw(made, Curve("", of.times[rows], curve[rows]), entry, axes, scale, is_error=False)
     if not failing.size:
         return base, own
-    failing = failing[kept(values[failing], axes.most)]
+    failing = failing[choose_rows(values[failing], axes.most)]
     at = short(of.times[failing] * axes.factor), short(values[failing] * scale)
     made.scatter(*at, marker="x", size=7, line_width=1.5, color=bad.colour, name=bad.key)
     return base, own, bad
 
 
-def embedded(drawn: Sequence[Drawn]) -> dict[str, Any]:
-    """All figures as one Bokeh document, which `page.js` draws, and the place of each figure by its model."""
+def embed_figures(drawn: Sequence[Drawn]) -> dict[str, Any]:
+    """Embed all figures as one Bokeh document, which `page.js` draws, and the place of each figure by its model."""
     if not drawn:
         return {}
     document, ids = Document(), dict[str, str]()
     with document.models.freeze():  # else it goes through all models after each figure: 26 s for 48 of them
         for one in drawn:
             document.add_root(one.figure)
-    made = numbered(document.to_json(deferred=False), ids)
+    made = number_models(document.to_json(deferred=False), ids)
     return {"document": made, "places": {ids[one.figure.id]: one.key for one in drawn}}
 
 
-def numbered(node: Any, ids: dict[str, str]) -> Any:
-    """A document with its models numbered from 1, so that the same result gives the same file."""
+def number_models(node: Any, ids: dict[str, str]) -> Any:
+    """Number the models of a document from 1, so that the same result gives the same file."""
     if isinstance(node, list):
-        return [numbered(one, ids) for one in node]
+        return [number_models(one, ids) for one in node]
     if isinstance(node, dict):  # a model, or a reference to one; our own data has no such keys
-        return {k: ids.setdefault(v, f"m{len(ids) + 1}") if k == "id" else numbered(v, ids) for k, v in node.items()}
+        return {
+            k: ids.setdefault(v, f"m{len(ids) + 1}") if k == "id" else number_models(v, ids) for k, v in node.items()
+        }
     return node
 
 

@@ -90,8 +90,8 @@ class Many:
         """Unit of a column."""
         return self.campaign.units.get(name, "")
 
-    def shown(self, name: str, value: float) -> str:
-        """A value of a column with its unit; a dash for none."""
+    def format_value(self, name: str, value: float) -> str:
+        """Write a value of a column with its unit; a dash for none."""
         return quantity(value, self.unit(name)) if value == value else "-"
 
     @cached_property

@@ -15,7 +15,7 @@ import numpy as np
 from gapsense.many import summary
 from gapsense.many.provenance import EVENTS
 from gapsense.problems import number_of
-from gapsense.report.distributions import Bars, Distributions, Points, named
+from gapsense.report.distributions import Bars, Distributions, Points, name_level
 from gapsense.report.html import style
 from gapsense.report.html.figures import Chapter, Drawn, Entry, Verdict, blank, fitting, limits
 from gapsense.report.html.many import Many
@@ -41,7 +41,7 @@ def chapter_of_many(many: Many, key: str) -> Chapter:
     about, tables = many.about, dict[str, list[str]]()
     for name in many.extremes:
         tables.setdefault(many.labels[name][0], []).append(name)
-    figures, hint = drawn(many, key)
+    figures, hint = draw_all(many, key)
     content = {
         "many": many,
         "seeds": ", ".join(f"{name} {seed}" for name, seed in about.get("seeds", {}).items()),
@@ -50,11 +50,11 @@ def chapter_of_many(many: Many, key: str) -> Chapter:
         "worst": [(metric, one) for metric, found in many.extremes.items() for one in telling(found)],
         "figures": figures,
         "hint": hint,
-        "limits": lambda name: limits(many.bounds(name), partial(many.shown, name)),
+        "limits": lambda name: limits(many.bounds(name), partial(many.format_value, name)),
         "goes_with": partial(goes_with, many),
-        "levels": lambda name: "many" if (found := many.levels[name]) is None else ", ".join(map(named, found)),
+        "levels": lambda name: "many" if (found := many.levels[name]) is None else ", ".join(map(name_level, found)),
         "named": partial(run_name, many),
-        "repeated": partial(repeated, many),
+        "repeated": partial(make_command, many),
         "why": partial(why, many),
     }
     return Chapter(
@@ -122,17 +122,17 @@ def telling(found: Extremes) -> tuple[Worst, ...]:
 def why(many: Many, metric: str, beyond: float) -> tuple[str, bool]:
     """Why a run is listed: where its value lies, and whether that is outside of the bounds."""
     if many.bounds(metric) is None:
-        return f"{many.shown(metric, beyond)} from the median", False
+        return f"{many.format_value(metric, beyond)} from the median", False
     if beyond <= 0.0:
-        return "inside" if math.isinf(beyond) else f"inside by {many.shown(metric, -beyond)}", False
-    return f"outside by {many.shown(metric, beyond)}", True
+        return "inside" if math.isinf(beyond) else f"inside by {many.format_value(metric, -beyond)}", False
+    return f"outside by {many.format_value(metric, beyond)}", True
 
 
 # How a single run is repeated -----------------------------------------------------------------------------------------
 
 
-def repeated(many: Many, run: int) -> str:
-    """Command that repeats a run; or a line of Python, if no option of a command can express it."""
+def make_command(many: Many, run: int) -> str:
+    """Make the command that repeats a run; or a line of Python, if no option of a command can express it."""
     about, row = many.about, many.rows[run]
     if not many.scenario:
         return f"the scenario has no file: run it with seed_shift={row['seed']}"
@@ -152,11 +152,11 @@ def variant(about: Mapping[str, Any]) -> tuple[str, ...]:
 
 def settings(values: Mapping[str, Any]) -> Iterator[str]:
     """Values as `--set` takes them."""
-    return (f"{name}={written(value)}" for name, value in values.items())
+    return (f"{name}={format_setting(value)}" for name, value in values.items())
 
 
-def written(value: Any) -> str:
-    """A value as it is read back; a text in quotes where it would mean something else."""
+def format_setting(value: Any) -> str:
+    """Write a value as it is read back; a text in quotes where it would mean something else."""
     return value if isinstance(value, str) and parsed_value(value) == value else json.dumps(value)
 
 
@@ -186,15 +186,15 @@ def panels(many: Many) -> Panels:
     metrics = sorted(known, key=lambda name: not many.extremes[name].outside)[:METRICS]
     factors = [f for f in many.campaign.factors if f in many.spreads or many.levels[f] is not None]
     room = max(1, PANELS // max(len(metrics), 1) - 1)
-    chosen = {name: ordered(many, name, factors)[:room] for name in known if name in metrics}
+    chosen = {name: order_factors(many, name, factors)[:room] for name in known if name in metrics}
     words = f"{len(metrics)} of {len(many.extremes)} metrics are drawn"
     if len(factors) > room:
         return Panels(chosen, f"{words}, each over the {room} of {len(factors)} parameters that it depends on most. ")
     return Panels(chosen, f"{words}. " if len(metrics) < len(many.extremes) else "")
 
 
-def ordered(many: Many, metric: str, factors: list[str]) -> list[str]:
-    """Parameters: first those that are no numbers, then by how strongly the metric depends on them."""
+def order_factors(many: Many, metric: str, factors: list[str]) -> list[str]:
+    """Order parameters: first those that are no numbers, then by how strongly the metric depends on them."""
     known = sorted(many.correlations.get(metric, ()), key=lambda one: -one.share)
     numbers = [one.factor for one in known if one.factor in factors]
     return [*(name for name in factors if name not in numbers), *numbers]
@@ -230,7 +230,7 @@ class Drawer:
         ends = self.bounds(metric)
         for end in ends:
             line(made, end, BOUNDS)
-        made.y_range.start, made.xaxis.axis_label = 0, labelled(self.many.label(metric), unit)
+        made.y_range.start, made.xaxis.axis_label = 0, make_label(self.many.label(metric), unit)
         low, high = span(edges[0], edges[-1], ends)
         made.x_range = bk.Range1d(low, high)
         legend = (MEDIAN, BOUNDS) if any(low <= end <= high for end in ends) else (MEDIAN,)
@@ -257,8 +257,8 @@ class Drawer:
             unit = self.scales[factor][1]
         for end in self.bounds(metric):
             line(made, end, BOUNDS, "width")
-        made.xaxis.axis_label = labelled(factor, unit)
-        label = labelled(self.many.label(metric), self.scales[metric][1])
+        made.xaxis.axis_label = make_label(factor, unit)
+        label = make_label(self.many.label(metric), self.scales[metric][1])
         return Drawn(figure=made, key=key, label=f"{label} over {factor}")
 
 
@@ -279,7 +279,7 @@ def bars(made: Any, found: Bars, scale: float) -> None:
 def density(made: Any, x: Any, y: Any, counts: Any) -> None:
     """How many runs lie where; where none does there is nothing."""
     box = {"x": x[0], "y": y[0], "dw": x[-1] - x[0], "dh": y[-1] - y[0]}
-    made.image_rgba(image=[coloured(counts.T)], **box)
+    made.image_rgba(image=[colour_counts(counts.T)], **box)
     made.x_range, made.y_range = bk.Range1d(x[0], x[-1]), bk.Range1d(y[0], y[-1])
 
 
@@ -311,8 +311,8 @@ def span(low: float, high: float, ends: list[float]) -> tuple[float, float]:
     return low - 0.04 * (high - low), high + 0.04 * (high - low)
 
 
-def coloured(counts: Any) -> Any:
-    """Colours of an image, stronger where more runs lie."""
+def colour_counts(counts: Any) -> Any:
+    """Colour an image, stronger where more runs lie."""
     image = np.zeros((*counts.shape, 4), dtype=np.uint8)
     most = max(float(counts.max()), 2.0)
     strength = np.log1p(counts) / np.log1p(most)
@@ -321,13 +321,13 @@ def coloured(counts: Any) -> Any:
     return image.view(np.uint32).reshape(counts.shape)
 
 
-def labelled(name: str, unit: str) -> str:
-    """Label of an axis."""
+def make_label(name: str, unit: str) -> str:
+    """Make the label of an axis."""
     return f"{name} / {unit}" if unit not in ("", "1") else name
 
 
-def drawn(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
-    """All plots, a row of them for each metric, and how they are read."""
+def draw_all(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
+    """Draw all plots, a row of them for each metric, and how they are read."""
     chosen, note = panels(many)
     if not chosen:
         return {}, ""

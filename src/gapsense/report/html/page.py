@@ -74,17 +74,17 @@ def page(chapters: Sequence[Chapter]) -> str:
     from bokeh.resources import Resources
     from markupsafe import Markup
 
-    from gapsense.report.html.figures import embedded
+    from gapsense.report.html.figures import embed_figures
 
     library = "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw)
-    scripts = [closed(text) for text in (library, read("page.js"))]
+    scripts = [escape_script(text) for text in (library, read("page.js"))]
     return str(
         template("page.html").render(
             title=chapters[0].title if len(chapters) == 1 else f"{len(chapters)} results",
             policy=Markup(POLICY.format(" ".join(map(digest, scripts)))),
             style=Markup(style.variables() + read("page.css")),
             colours=style.DARK,
-            figures=embedded([drawn for chapter in chapters for drawn in chapter.figures]),
+            figures=embed_figures([drawn for chapter in chapters for drawn in chapter.figures]),
             scripts=[*map(Markup, scripts)],
             chapters=chapters,
         )
@@ -119,8 +119,8 @@ def read(name: str, package: str = "gapsense.report.html") -> str:
     return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
-def closed(script: str) -> str:
-    """A script in which no text ends its element early."""
+def escape_script(script: str) -> str:
+    """Escape what would end the element of a script early."""
     return script.replace("</script", "<\\/script").replace("<!--", "<\\!--")
 
 

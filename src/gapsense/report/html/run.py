@@ -161,7 +161,7 @@ def time_plots(shown: Shown, drawn: Sequence[Panel], key: str) -> tuple[Axes, tu
     names = [c.component for p in drawn for c in p.curves if not c.is_truth]
     truths = [c.component for p in drawn for c in p.curves]
     columns = sum(4 if c.band is not None else 2 for p in drawn for c in p.curves) // 2  # times, values, two for a band
-    axes = figures.shared(shown, style.colours([*names, *truths]), most(columns))
+    axes = figures.make_time_axis(shown, style.colours([*names, *truths]), most(columns))
     made = [figures.panel(p, axes, f"{key}-p{k}") for k, p in enumerate(drawn)]
     return axes, (*made, *([figures.strips(flags, axes, f"{key}-s")] if flags else []))
 
@@ -220,7 +220,7 @@ def groups(shown: Shown, compared: list[Metric]) -> dict[Key, list[str]]:
         key = keys.get(name) or own_key(result, name)
         together = key in matched or key[1] == INNOVATION or key[0] in ("", "1")
         found.setdefault(key if together else (key[0], ""), []).append(name)
-    return dict(parted(found))
+    return dict(split_groups(found))
 
 
 def keys_of(result: Result, compared: Iterable[Metric]) -> dict[str, Key]:
@@ -234,8 +234,8 @@ def keys_of(result: Result, compared: Iterable[Metric]) -> dict[str, Key]:
     return found
 
 
-def parted(found: Mapping[Key, list[str]]) -> Iterator[tuple[Key, list[str]]]:
-    """Groups of equal units that are too large, by variable."""
+def split_groups(found: Mapping[Key, list[str]]) -> Iterator[tuple[Key, list[str]]]:
+    """Split groups of equal units that are too large, by variable."""
     for (unit, variable), names in found.items():
         if variable or len(names) <= TOGETHER:
             yield (unit, variable), names
@@ -255,7 +255,7 @@ def panel(result: Result, key: Key, names: list[str], compared: list[Metric], la
     truths = dict.fromkeys(str(p.reference) for p in compared)
     constants = [curves.constant(result, name) for name in truths if name not in result.signals]
     drawn = [
-        curves.published(result, later[name]) if name in later else curves.recorded(result, name, name in truths)
+        curves.from_samples(result, later[name]) if name in later else curves.from_signal(result, name, name in truths)
         for name in names
     ]
     ordered = sorted([*constants, *drawn], key=lambda curve: not curve.is_truth)

@@ -117,8 +117,10 @@ def longest(texts: Sequence[str]) -> int:
     return max(map(len, texts), default=0)
 
 
-def arranged(heads: Mapping[str, tuple[str, ...]], wires: Sequence[Wire]) -> tuple[Boxes, list[tuple[Wire, list[str]]]]:
-    """Boxes with their places, and for each wire those it passes, from first to last; empty for one that goes back.
+def arrange_boxes(
+    heads: Mapping[str, tuple[str, ...]], wires: Sequence[Wire]
+) -> tuple[Boxes, list[tuple[Wire, list[str]]]]:
+    """Give boxes their places, and each wire the boxes it passes, first to last; none if it goes back.
 
     The `heads` are the lines at the top of each component, in the order in which they step.
     """
@@ -128,7 +130,7 @@ def arranged(heads: Mapping[str, tuple[str, ...]], wires: Sequence[Wire]) -> tup
         add(boxes[wire.source[0]].outputs, wire.source[1])
         add(boxes[wire.target[0]].inputs, wire.target[1])
     ways = [(wire, way(wire, boxes)) for wire in wires]
-    stacked(boxes, [names for _, names in ways if names])
+    stack_boxes(boxes, [names for _, names in ways if names])
     return boxes, ways
 
 
@@ -161,7 +163,7 @@ def way(wire: Wire, boxes: Boxes) -> list[str]:
     return [source, *lanes, target]
 
 
-def stacked(boxes: Boxes, ways: Sequence[Sequence[str]]) -> None:
+def stack_boxes(boxes: Boxes, ways: Sequence[Sequence[str]]) -> None:
     """Give the boxes their places: in each column in the order of what they are connected with."""
     beside: dict[str, set[str]] = {name: set() for name in boxes}
     for names in ways:
@@ -175,7 +177,7 @@ def stacked(boxes: Boxes, ways: Sequence[Sequence[str]]) -> None:
         for column in by_column if sweep % 2 == 0 else reversed(by_column):
             column.sort(key=lambda box: middle(box, beside[box.name], boxes))
             put(column)
-    centred(by_column)
+    centre_columns(by_column)
 
 
 def middle(box: Box, others: set[str], boxes: Boxes) -> float:
@@ -192,7 +194,7 @@ def put(column: Sequence[Box]) -> None:
         y += box.height + BETWEEN
 
 
-def centred(columns: Sequence[Sequence[Box]]) -> None:
+def centre_columns(columns: Sequence[Sequence[Box]]) -> None:
     """Put the columns beside one another, each in the middle of the height."""
     heights = [sum(box.height + BETWEEN for box in column) - BETWEEN for column in columns]
     x = 0.0
@@ -209,7 +211,7 @@ def picture(run: Run) -> Picture | None:
     wires = [wire(run, text) for text in run.wires]
     if not wires:
         return None
-    boxes, ways = arranged(heads, wires)
+    boxes, ways = arrange_boxes(heads, wires)
     deepest = max(box.y + box.height for box in boxes.values())
     returns = [w for w, names in ways if not names]
     numbers = {name: k for k, name in enumerate(run.order)}
