@@ -452,13 +452,13 @@ def compare(
     ValueError
         A file is no result, or an option is wrong.
     """
-    from gapsense.cosim.result.pairs import Window, compare_trajectories, paired, read_trajectories
+    from gapsense.cosim.result.pairs import Window, compare_trajectories, pair_files, read_trajectories
 
     how = tolerances(rtol, atol, edge_steps, pairs(tolerance))
     window = Window(tuple([signal] if isinstance(signal, str) else signal) or ("*",), after, before)
     read = [
         (ours, read_trajectories(ours), read_trajectories(theirs))
-        for ours, theirs in paired(Path(result), Path(reference))
+        for ours, theirs in pair_files(Path(result), Path(reference))
     ]
     return {str(name): compare_trajectories(ours, theirs, how, window) for name, ours, theirs in read}
 

@@ -71,10 +71,10 @@ class ScenarioFile(pytest.File):
 
     def collect(self) -> Iterator[ScenarioItem]:
         """Tests of the file."""
-        from gapsense.cosim.regression import titled, variants
+        from gapsense.cosim.regression import make_title, variants
 
         for variant in variants(self.path):
-            name = titled(self.path.parent.name, variant)
+            name = make_title(self.path.parent.name, variant)
             yield ScenarioItem.from_parent(self, name=name, variant=variant)
 
 

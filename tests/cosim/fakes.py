@@ -12,7 +12,7 @@ from gapsense.cosim.fmu.descriptions import Variable
 from gapsense.cosim.fmu.instance import Instance, Instance3
 from gapsense.cosim.run.part import Layout, Part, Player, Work
 from gapsense.cosim.run.recording import STOP, Recording, new_marks
-from gapsense.cosim.scenario.records import Component, Connection, Event, Experiment, Port, Watch
+from gapsense.cosim.scenario.records import Component, Connection, Event, Experiment, Port, Threshold
 
 REFERENCES, VALUES = ctypes.POINTER(ctypes.c_uint), ctypes.POINTER(ctypes.c_double)
 INT, SIZE, DOUBLE, BOOL, ANY = ctypes.c_int, ctypes.c_size_t, ctypes.c_double, ctypes.c_bool, ctypes.c_void_p
@@ -114,7 +114,7 @@ class Trial:
         events = {f"e{k}": Event(f"e{k}", port("u", place), "set") for k, (place, _) in enumerate(case["events"])}
         self.layout = Layout(variables_of(case), {}, events)
         self.buffer = array("d", [0.25 * k for k in range(self.layout.size)])
-        self.watches = [Watch(place, level, is_above, True) for place, level, is_above in case["watches"]]
+        self.watches = [Threshold(place, level, is_above, True) for place, level, is_above in case["watches"]]
         self.parts = [self.part(i) for i in range(len(case["parts"]))]
         # An input has one source.
         free = [link for link in case["links"] if not (case["signals"] and link[1] == (0, 0))]

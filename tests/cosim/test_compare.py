@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gapsense.cosim import run
-from gapsense.cosim.result.compare import Difference, edges, moved, reach, sampled
+from gapsense.cosim.result.compare import Difference, edges, find_moved_edges, reach, resample
 from gapsense.cosim.result.pairs import (
     Trajectories,
     Window,
     compare_results,
     compare_trajectories,
     of_result,
-    paired,
+    pair_files,
     read_trajectories,
 )
 from gapsense.cosim.result.result import Run, Signal
@@ -103,7 +103,7 @@ def test_a_signal_is_never_moved_from_itself(values, rows):
 
 @given(arrays(np.float64, 20, elements=NUMBERS), arrays(np.float64, 20, elements=NUMBERS), st.floats(0, 10))
 def test_excuses_are_the_same_both_ways_round(values, reference, allowed):
-    assert (moved(values, reference, allowed, 2) == moved(reference, values, allowed, 2)).all()
+    assert (find_moved_edges(values, reference, allowed, 2) == find_moved_edges(reference, values, allowed, 2)).all()
 
 
 @given(arrays(np.float64, 20, elements=NUMBERS), st.floats(0, 1e3), st.integers(0, 19))
@@ -164,9 +164,9 @@ def test_rows_of_a_finer_grid_are_compared_where_the_coarser_one_has_rows(every)
 
 def test_between_rows_lines_are_drawn_and_whole_numbers_hold():
     at = np.array([0.0, 0.25, 0.5, 1.5, 2.0])
-    assert sampled(np.arange(3.0), np.array([0.0, 0.5, 0.0]), at).tolist() == [0.0, 0.125, 0.25, 0.25, 0.0]
-    assert sampled(np.arange(3.0), np.array([0.0, 1.0, 4.0]), at).tolist() == [0.0, 0.0, 0.0, 1.0, 4.0]
-    assert sampled(np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.5, 3.0, 3.0]), np.array([1.0, 1.5])).tolist() == [
+    assert resample(np.arange(3.0), np.array([0.0, 0.5, 0.0]), at).tolist() == [0.0, 0.125, 0.25, 0.25, 0.0]
+    assert resample(np.arange(3.0), np.array([0.0, 1.0, 4.0]), at).tolist() == [0.0, 0.0, 0.0, 1.0, 4.0]
+    assert resample(np.array([0.0, 1.0, 1.0, 2.0]), np.array([0.0, 1.5, 3.0, 3.0]), np.array([1.0, 1.5])).tolist() == [
         3.0,
         3.0,
     ]  # at a time that is there twice the second row counts
@@ -175,7 +175,7 @@ def test_between_rows_lines_are_drawn_and_whole_numbers_hold():
 @given(st.floats(0.1, 50.0), st.integers(2, 9))
 def test_a_line_is_the_same_line_on_any_grid(slope, count):
     times = np.linspace(0.0, 1.0, count)
-    found = sampled(times, slope * times + 0.5, np.linspace(0.0, 1.0, 23))
+    found = resample(times, slope * times + 0.5, np.linspace(0.0, 1.0, 23))
     assert np.allclose(found, slope * np.linspace(0.0, 1.0, 23) + 0.5, rtol=1e-12)
 
 
@@ -247,17 +247,17 @@ def test_folders_are_compared_file_by_file(write, chain, fmus, tmp_path):
     for name in ("old/x.csv", "old/deep/y.csv", "new/x.csv", "new/deep/y.csv"):
         result.save(tmp_path / name)
     (tmp_path / "new" / "table.csv").write_text("a,b\n1,2\n")  # no result
-    pairs = [*paired(tmp_path / "new", tmp_path / "old")]
+    pairs = [*pair_files(tmp_path / "new", tmp_path / "old")]
     assert [(a.name, b.name) for a, b in pairs] == [("y.csv", "y.csv"), ("x.csv", "x.csv")]
     (tmp_path / "old" / "x.csv").unlink()
     result.save(tmp_path / "old" / "z.csv")
     with pytest.raises(InputError) as caught:
-        [*paired(tmp_path / "new", tmp_path / "old")]
+        [*pair_files(tmp_path / "new", tmp_path / "old")]
     assert len(caught.value.problems) == 2
     with pytest.raises(InputError, match="is a folder"):
-        [*paired(tmp_path / "new", tmp_path / "old" / "z.csv")]
+        [*pair_files(tmp_path / "new", tmp_path / "old" / "z.csv")]
     with pytest.raises(InputError, match="no result"):
-        [*paired(write(chain, "empty").parent, write(chain, "none").parent)]
+        [*pair_files(write(chain, "empty").parent, write(chain, "none").parent)]
 
 
 def test_signals_that_nobody_has_are_refused():

@@ -11,7 +11,7 @@ from scipy.optimize import root
 
 from gapsense.cosim import Checkpoint, FmuError, ScenarioError, check, read_result, run
 from gapsense.cosim.run import iterate
-from gapsense.cosim.run.iterate import Secants, Spent, Sweep, identity, inverted
+from gapsense.cosim.run.iterate import Secants, Spent, Sweep, identity, invert_matrix
 from gapsense.cosim.run.loop import compiled
 from gapsense.cosim.run.turns import line
 from gapsense.report import runs
@@ -477,8 +477,8 @@ def test_differences_are_those_of_the_function():
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_inverse_is_one(n):
     matrix = np.random.default_rng(n).normal(size=(n, n))
-    assert np.allclose(np.array(inverted(matrix.T.tolist())) @ matrix, np.eye(n))
-    assert inverted([[0.0] * n] * n) is None
+    assert np.allclose(np.array(invert_matrix(matrix.T.tolist())) @ matrix, np.eye(n))
+    assert invert_matrix([[0.0] * n] * n) is None
 
 
 def test_secants_keep_all_pairs_of_a_step():

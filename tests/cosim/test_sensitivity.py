@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from gapsense.cosim import load, prepare, sensitivity
-from gapsense.cosim.sensitivity import changed, perturbed
+from gapsense.cosim.sensitivity import perturb, perturb_value
 
 STATED = '[baseline]\nrtol = 1e-6\nsignals = ["*.y"]\n'
 
@@ -33,17 +33,19 @@ def test_signal_beyond_its_tolerance_is_told_with_its_time(write, chain, fmus):
 def test_numbers_that_may_not_change_stay_and_equal_ones_stay_equal(write, chain, fmus):
     path = write(chain + '[components.noise]\nfmu = "Noise"\n[inputs]\n')
     read, descriptions = prepare(path, fmus=fmus)
-    other = perturbed(read, descriptions, 1e-3, draw=0)
+    other = perturb(read, descriptions, 1e-3, draw=0)
     values = {name: component.values for name, component in other.components.items()}
     assert "sample_time" not in values["noise"] and "seed" not in values["noise"]  # a time, and no Real
     assert "time.constant" not in values["lag"]
     assert abs(values["source"]["slope"] - 2.0) == pytest.approx(2e-3)
     limited = descriptions["gain"].variables["u"]
-    assert changed(1000.0, limited, 1e-3, 0) == changed(1000.0, limited, 1e-3, 1) == 999.0  # its largest value
-    assert changed(0.0, limited, 1e-3, 0) == 0.0
-    signs = {changed(2.0, limited, 1e-3, draw) > 2.0 for draw in range(8)}
+    assert (
+        perturb_value(1000.0, limited, 1e-3, 0) == perturb_value(1000.0, limited, 1e-3, 1) == 999.0
+    )  # its largest value
+    assert perturb_value(0.0, limited, 1e-3, 0) == 0.0
+    signs = {perturb_value(2.0, limited, 1e-3, draw) > 2.0 for draw in range(8)}
     assert signs == {True, False}
     unknown, share = replace(limited, unit=None), replace(limited, unit="1")
-    assert changed(3.0, unknown, 1e-3, 0) == 3.0 != changed(3.5, unknown, 1e-3, 0)
-    assert changed(3.5, share, 1e-3, 0) == 3.5
+    assert perturb_value(3.0, unknown, 1e-3, 0) == 3.0 != perturb_value(3.5, unknown, 1e-3, 0)
+    assert perturb_value(3.5, share, 1e-3, 0) == 3.5
     assert load(path).components["source"].values == {"slope": 2.0}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from gapsense.cosim import FmuError, prepare, run
-from gapsense.cosim.fmu.instance import home, unpacked
+from gapsense.cosim.fmu.instance import home, unpack_fmu
 
 SRC = Path(__file__).parents[2] / "src"
 
@@ -46,7 +46,7 @@ def test_all_runs_of_a_process_share_one_folder_per_content(write, chain, fmus):
     path = write(chain)
     run(path, fmus=fmus)
     descriptions = prepare(path, None, fmus)[1]
-    folders = {name: unpacked(description) for name, description in descriptions.items()}
+    folders = {name: unpack_fmu(description) for name, description in descriptions.items()}
     assert {folder.name for folder in folders.values()} == {d.sha256 for d in descriptions.values()}
     before = {path for path in home(os.getpid()).iterdir()}
     run(path, fmus=fmus)
@@ -69,7 +69,7 @@ def test_file_that_changed_or_is_damaged_is_named(write, chain, fmus, tmp_path):
     description = prepare(path, None, fmus)[1]["lag"]
     changed.write_bytes(b"other")
     with pytest.raises(FmuError, match="has changed since it was read"):
-        unpacked(description)
+        unpack_fmu(description)
 
 
 RUNS = """

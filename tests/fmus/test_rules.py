@@ -9,7 +9,7 @@ import pytest
 from gapsense.cosim import FmuError, check, prepare
 from gapsense.cosim.fmu.archive import UnusableError
 from gapsense.cosim.fmu.descriptions import describe
-from gapsense.cosim.fmu.instance import Instance, unpacked
+from gapsense.cosim.fmu.instance import Instance, unpack_fmu
 from gapsense.fmi.components import load_component
 
 ROOT = Path(__file__).parents[2]
@@ -101,7 +101,7 @@ def test_annotations_say_what_the_port_table_says(folder, fmus):
 def test_words_are_those_of_the_fmu_itself(problems, tmp_path, fmus):
     (told,) = problems("DriveVoltage", "pwm.low = 30.0, pwm.high = 20.0")
     description = describe(fmus / "DriveVoltage.fmu")
-    instance = Instance("a", description, unpacked(description))
+    instance = Instance("a", description, unpack_fmu(description))
     with pytest.raises(FmuError) as caught:
         instance.initialize({"pwm.low": 30.0, "pwm.high": 20.0}, 0.0, 1.0)
         instance.call("fmi2ExitInitializationMode")

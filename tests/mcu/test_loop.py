@@ -22,7 +22,7 @@ from typer.testing import CliRunner
 
 from gapsense.cli import app
 from gapsense.cosim import Checkpoint, FmuError, Result, check, prepare, read_result, run
-from gapsense.cosim.fmu.line import decoded, encoded, wrong_program
+from gapsense.cosim.fmu.line import decode_cobs, encode_cobs, wrong_program
 from gapsense.cosim.run.recording import Subject
 from gapsense.embedded.design import make_design
 from gapsense.embedded.export import export
@@ -311,8 +311,8 @@ def test_a_page_refuses_it(write: Writer, fmus: Path, tmp_path: Path) -> None:
 
 @drawn(st.lists(st.one_of(st.binary(max_size=9), st.integers(1, 600).map(lambda n: b"\x01" * n))).map(b"".join))
 def test_messages_survive_their_encoding(message: bytes) -> None:
-    assert b"\0" not in encoded(message)[:-1] and encoded(message)[-1:] == b"\0"
-    assert decoded(encoded(message)[:-1]) == message
+    assert b"\0" not in encode_cobs(message)[:-1] and encode_cobs(message)[-1:] == b"\0"
+    assert decode_cobs(encode_cobs(message)[:-1]) == message
 
 
 def test_a_board_of_the_user_is_kept(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from native3 import ROOT, built, placed  # noqa: F401
 
 from gapsense.cosim import Checkpoint, Master, ScenarioError, prepare
-from gapsense.cosim.run.apart import Plan, Watch, record_apart
+from gapsense.cosim.run.apart import Listeners, Plan, record_apart
 from gapsense.cosim.run.checkpoint import keeper
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.records import ports
@@ -33,7 +33,7 @@ def recorded(folder: str, variant: str | None, fmus: Path, count: int = COUNT) -
     """Bytes of the signals in the first base steps, and the messages; what only FMI 3.0 has is left out."""
     scenario, descriptions = prepare(SCENARIOS / folder, variant, fmus)
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=count))
-    take = Subject(scenario, descriptions).taken()
+    take = Subject(scenario, descriptions).make_take()
     with Master(scenario, descriptions) as master:
         done = master.run(take.columns, take.seeds, values=take.values)
     assert not done.error and np.isfinite(done.data[: done.rows]).all()
@@ -54,14 +54,14 @@ def test_scenario_has_the_bits_of_the_python_fmus(fmus: Path) -> None:
 def test_resumed_run_has_the_same_bits(tmp_path: Path) -> None:
     scenario, descriptions = prepare(SCENARIOS / "estimators", "other_physics", built() / "fmi3")
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=COUNT))
-    take = Subject(scenario, descriptions).taken()
+    take = Subject(scenario, descriptions).make_take()
     file, base = tmp_path / "run.checkpoint", scenario.experiment.base_step
     with Master(scenario, descriptions) as master:
         kept = keeper(Checkpoint(file, EVERY * base), scenario, descriptions, take)
         whole = master.run(take.columns, take.seeds, values=take.values, keeper=kept)
     kept = keeper(Checkpoint(file, resume=True), scenario, descriptions, take)
     rows: list[int] = []
-    resumed = record_apart(Plan(scenario, descriptions, take, kept), Watch(lambda done, _: rows.append(done)))
+    resumed = record_apart(Plan(scenario, descriptions, take, kept), Listeners(lambda done, _: rows.append(done)))
     assert not whole.error and not resumed.error and whole.rows == resumed.rows
     assert whole.data[: whole.rows].tobytes() == resumed.data[: resumed.rows].tobytes()
     assert all(done == 0 or done >= EVERY for done in rows)

@@ -121,7 +121,7 @@ def by_runner(subject: Subject, layout: Layout, signals: np.ndarray) -> tuple[li
     experiment, told = subject.scenario.experiment, []
     buffer, components = np.zeros(layout.size), [subject.scenario.components[n] for n in subject.order.names]
     parts = [Component(c, {n: Stage(s) for n, s in layout.slots_of(c.name).items()}, told) for c in components]
-    director = Director(layout.events, experiment, parts, layout, buffer, subject.taken().seeds, new_marks())
+    director = Director(layout.events, experiment, parts, layout, buffer, subject.make_take().seeds, new_marks())
     director.begin({str(event.target): NOMINAL for event in layout.events.values()})
     links = [link for own in wires(subject, layout) for link in own]
     change, rows = director.limit, []

@@ -129,7 +129,7 @@ def test_wires_steps_and_grid_are_in_c_and_values_are_not(valve):
     assert ".base_step = 2.5e-05" in text and ".start = -0.00105" in text and "77.5" not in text
     links = re.findall(r"static Link links_\d\[\] = \{(.*?)\};", text)
     assert sum(len(re.findall(r"\{\d+, \d+, 0, 1\.0, 0\.0\}", own)) for own in links) == 11
-    values = plan.values(valve, valve.taken())
+    values = plan.values(valve, valve.make_take())
     assert [own["name"] for own in values] == list(valve.order.names)
     assert [1, "sensor"] in [[value, own["name"]] for own in values for _, kind, value in own["values"] if kind == 1]
 

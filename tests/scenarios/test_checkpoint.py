@@ -11,7 +11,7 @@ import scenarios_of_ours
 from scenarios_of_ours import read
 
 from gapsense.cosim import Checkpoint, Master, prepare, run
-from gapsense.cosim.run.apart import Plan, Watch, record_apart
+from gapsense.cosim.run.apart import Listeners, Plan, record_apart
 from gapsense.cosim.run.checkpoint import keeper
 from gapsense.cosim.run.recording import Subject
 
@@ -44,14 +44,14 @@ def fmus_of(scenarios):
 def test_resumed_run_has_the_same_bits(fmus, tmp_path, folder, variant, method):
     scenario, descriptions = prepare(SCENARIOS / folder, variant, fmus)
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=COUNT, method=method))
-    take = Subject(scenario, descriptions).taken()
+    take = Subject(scenario, descriptions).make_take()
     file, base = tmp_path / "run.checkpoint", scenario.experiment.base_step
     with Master(scenario, descriptions) as master:
         kept = keeper(Checkpoint(file, EVERY * base), scenario, descriptions, take)
         whole = master.run(take.columns, take.seeds, values=take.values, keeper=kept)
     kept = keeper(Checkpoint(file, resume=True), scenario, descriptions, take)
     rows = []
-    resumed = record_apart(Plan(scenario, descriptions, take, kept), Watch(lambda done, _: rows.append(done)))
+    resumed = record_apart(Plan(scenario, descriptions, take, kept), Listeners(lambda done, _: rows.append(done)))
     assert not whole.error and not resumed.error and whole.rows == resumed.rows
     assert whole.data[: whole.rows].tobytes() == resumed.data[: resumed.rows].tobytes()
     assert np.isfinite(whole.data[: whole.rows]).all()

@@ -10,7 +10,7 @@ import pytest
 
 from gapsense import Scenario
 from gapsense.cosim import Checkpoint, FmuError, Master, prepare, read_result, run
-from gapsense.cosim.run.apart import Plan, Watch, record_apart
+from gapsense.cosim.run.apart import Listeners, Plan, record_apart
 from gapsense.cosim.run.checkpoint import keeper
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.read import Document, read_document
@@ -114,13 +114,13 @@ def test_run_with_events_goes_on_with_the_same_bits(fmus, tmp_path, every):
     )
     scenario, descriptions = prepare(Document(document.path, data), None, fmus)
     scenario = replace(scenario, experiment=replace(scenario.experiment, count=450))
-    take = Subject(scenario, descriptions).taken()
+    take = Subject(scenario, descriptions).make_take()
     file, base = tmp_path / "run.checkpoint", scenario.experiment.base_step
     with Master(scenario, descriptions) as master:
         kept = keeper(Checkpoint(file, every * base), scenario, descriptions, take)
         whole = master.run(take.columns, take.seeds, values=take.values, keeper=kept)
     kept = keeper(Checkpoint(file, resume=True), scenario, descriptions, take)
-    resumed = record_apart(Plan(scenario, descriptions, take, kept), Watch(None, print))
+    resumed = record_apart(Plan(scenario, descriptions, take, kept), Listeners(None, print))
     assert not whole.error and not resumed.error
     assert whole.data[: whole.rows].tobytes() == resumed.data[: resumed.rows].tobytes()
     assert whole.events == resumed.events

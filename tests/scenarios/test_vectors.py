@@ -14,7 +14,7 @@ from scenarios_of_ours import read
 from gapsense import campaign, cosim
 from gapsense._os.native import own_compiler
 from gapsense.cosim import FmuError, load, prepare, read_result, run, sweep
-from gapsense.cosim.run.recording import Subject, finished
+from gapsense.cosim.run.recording import Subject, finish_recording
 from gapsense.cosim.scenario.records import ITERATIVE
 from gapsense.fmi.components import own
 from gapsense.fmi.package import build
@@ -154,7 +154,7 @@ def differing(fmus, scenario, variant, runs, every=1):
     subject = Subject(*prepare(scenario, variant, fmus))
     assert not obstacle(subject)
     points = subject.scenario.plan.points
-    takes = [subject.taken(k, k % points if subject.scenario.swept else None) for k in range(runs)]
+    takes = [subject.make_take(k, k % points if subject.scenario.swept else None) for k in range(runs)]
     found = dict(Vectors(subject).record(takes))
     assert sorted(found) == [*range(runs)]
     wrong = []
@@ -165,7 +165,7 @@ def differing(fmus, scenario, variant, runs, every=1):
             wrong += [f"run {k} is not lost"] * (found[k] is not None)
             continue
         assert found[k] is not None, f"run {k} is lost"
-        result = finished(subject, takes[k], found[k])
+        result = finish_recording(subject, takes[k], found[k])
         wrong += [f"{n} of run {k}" for n, v in expected.signals.items() if v.tobytes() != result.signals[n].tobytes()]
         wrong += [] if repr(result.metrics) == repr(expected.metrics) else [f"metrics of run {k}"]
         wrong += [] if repr(result.parameters) == repr(expected.parameters) else [f"parameters of run {k}"]

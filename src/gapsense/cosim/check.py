@@ -23,12 +23,12 @@ from gapsense.cosim.fmu.descriptions import (
     broken_rules,
     describe,
     find_fmu,
-    mended,
+    mend_description,
 )
 from gapsense.cosim.fmu.line import absent, wrong_board
 from gapsense.cosim.result.metrics import KINDS
 from gapsense.cosim.scenario.fingerprint import deciding
-from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, varied
+from gapsense.cosim.scenario.read import Source, load, read_draft, scenario_file, vary_events
 from gapsense.cosim.scenario.records import (
     ACTIONS,
     MOST_STEPS,
@@ -47,13 +47,13 @@ from gapsense.cosim.scenario.records import (
     Scenario,
     blocks,
     execution_order,
+    find_reached,
     index_of,
     is_on_grid,
     matching,
     neighbours,
-    reached,
     recorded_signals,
-    resolved,
+    resolve_targets,
     signals,
 )
 from gapsense.parameters import core_problem, is_file
@@ -120,7 +120,7 @@ def inspect(
     problems = list(draft.problems)
     folder = Path(fmus) if fmus is not None else find_fmus(scenario_file(scenario))
     descriptions = read_descriptions(draft.scenario, folder, problems)
-    read = taken(draft.scenario, descriptions)
+    read = keep_own_values(draft.scenario, descriptions)
     problems += check_scenario(read, descriptions, draft.broken)
     on_boards = {name: c for name, c in read.components.items() if c.board} if to_run else {}
     for name, component in on_boards.items():
@@ -166,17 +166,17 @@ def read_descriptions(scenario: Scenario, fmus: Path, problems: list[str]) -> di
             known[path] = description_at(path, f"{scenario.path.name}, components.{name}.fmu", remedy, problems)
         description = known[path]
         if description is not None:
-            out[name] = sized(description, component, problems)
+            out[name] = resize_arrays(description, component, problems)
     return out
 
 
-def sized(description: Description, component: Component, problems: list[str]) -> Description:
-    """The same with arrays of the sizes that a component has."""
+def resize_arrays(description: Description, component: Component, problems: list[str]) -> Description:
+    """Give the arrays of a description the sizes that a component sets."""
     structural = [v for v in description.variables.values() if v.is_structural]
     given = {v.name: component.values[v.name] for v in structural if v.name in component.values}
     sizes = {name: int(value) for name, value in given.items() if is_integer(value) and int(value) >= 0}
     try:
-        return described(description.path, tuple(sizes.items())) if sizes else description
+        return describe_fmu(description.path, tuple(sizes.items())) if sizes else description
     except UnusableError as error:
         problems.append(f"components.{component.name}: `{description.path}` cannot be used like this: {error}")
         return description
@@ -190,15 +190,15 @@ def description_at(path: Path, place: str, remedy: str, problems: list[str]) -> 
         problems.append(f"{place}: there is no FMU `{path}`. {hint} {remedy}")
         return None
     try:
-        return described(path)
+        return describe_fmu(path)
     except UnusableError as error:
         problems.append(f"{place}: `{path}` cannot be used: {error}")
         return None
 
 
 @remembered
-def described(path: Path, sizes: tuple[tuple[str, int], ...] = ()) -> Description:
-    """Model description of an FMU file with arrays of some sizes."""
+def describe_fmu(path: Path, sizes: tuple[tuple[str, int], ...] = ()) -> Description:
+    """Read the model description of an FMU file, with arrays of some sizes."""
     return describe(path, dict(sizes))
 
 
@@ -237,7 +237,7 @@ class Checker:
     def problems(self) -> Iterator[str]:
         """All problems, in the order of the file."""
         sets = check_sets(self.scenario.components, self.descriptions)
-        wiring = (self.connections(), self.inputs(), self.driven(), self.loops(), self.control())
+        wiring = (self.connections(), self.inputs(), self.check_drivers(), self.loops(), self.control())
         values = (self.values(), self.rules(), *wiring, self.events(), self.seeds(), self.grid())
         for problem in chain(self.singles(), self.boards(), sets, *values):
             yield f"{self.scenario.path.name}, {problem}"
@@ -319,7 +319,7 @@ class Checker:
         for swept in own_points(self.scenario, SECTION):
             if swept:
                 problems: list[str] = []
-                events = varied(self.scenario.events, {Port(SECTION, n): v for n, v in swept.items()}, problems)
+                events = vary_events(self.scenario.events, {Port(SECTION, n): v for n, v in swept.items()}, problems)
                 place = f"sweep, {SECTION}"
                 yield from problems or check_events(self.scenario, self.descriptions, events, place, knows_times)
 
@@ -370,14 +370,14 @@ class Checker:
             problems += [] if "experiment" in self.broken else [*check_span(played, self.scenario.experiment)]
             yield from (f"inputs.{port}: {problem}" for problem in problems)
 
-    def driven(self) -> Iterator[str]:
-        """Every input driven exactly once."""
+    def check_drivers(self) -> Iterator[str]:
+        """Check that every input is driven exactly once."""
         drivers: dict[Port, list[str]] = {}
         for connection in self.scenario.connections:
             drivers.setdefault(connection.target, []).append(connection.place)
         for port in (*self.scenario.inputs, *self.scenario.played):
             drivers.setdefault(port, []).append(f"inputs.{port}")
-        for port, place in self.started():
+        for port, place in self.find_start_values():
             drivers.setdefault(port, []).append(place)
         for port, places in drivers.items():
             if len(places) > 1:
@@ -385,8 +385,8 @@ class Checker:
         if not self.broken & {"connections", "inputs"}:
             yield from self.idle(drivers)
 
-    def started(self) -> Iterator[tuple[Port, str]]:
-        """Inputs to which the `set` of their component or else a sweep gives a value, and where."""
+    def find_start_values(self) -> Iterator[tuple[Port, str]]:
+        """Find inputs to which the `set` of their component or else a sweep gives a value, and where."""
         for name, description in self.descriptions.items():
             given = self.scenario.components[name].values
             for port in (Port(name, variable.name) for variable in description.of("input")):
@@ -531,8 +531,8 @@ def check_units(connection: Connection, source: Variable, target: Variable) -> I
 # Parameters, parameter sets, seeds and step sizes of components against their model descriptions.
 
 
-def taken(scenario: Scenario, descriptions: Descriptions) -> Scenario:
-    """The scenario without what the parameter sets of a component have for others; its own `set` stays as it is.
+def keep_own_values(scenario: Scenario, descriptions: Descriptions) -> Scenario:
+    """Drop what the parameter sets of a component have for others; its own `set` stays as it is.
 
     Where steps are controlled, what is sampled steps from instant to instant.
     """
@@ -703,7 +703,7 @@ def limits(variable: Variable) -> str:
 def parameters_of(file: Path) -> frozenset[str]:
     """Names of the parameters of an FMU file; one that cannot be read has none."""
     try:
-        root, _text = mended(read_description(file)[0])
+        root, _text = mend_description(read_description(file)[0])
     except (UnusableError, SyntaxError):  # of the XML; whoever uses the FMU is told
         return frozenset()
     return frozenset(v.get("name", "") for v in root.iter() if v.get("causality") == "parameter")
@@ -718,7 +718,7 @@ UNKNOWN = 4e9  # bytes, of a machine that does not tell
 def check_record(scenario: Scenario, descriptions: Descriptions, knows_times: bool = True) -> Iterator[str]:
     """Problems with what is recorded and with what is made of it; all components must have a description."""
     recorded = recorded_signals(scenario, descriptions)
-    yield from unmatched(scenario.record.signals, signals(descriptions), "record.signals")
+    yield from check_patterns(scenario.record.signals, signals(descriptions), "record.signals")
     if knows_times:
         yield from check_size(scenario, len(recorded), memory())
     for metric in scenario.metrics:
@@ -735,8 +735,8 @@ def check_record(scenario: Scenario, descriptions: Descriptions, knows_times: bo
     for name in scenario.page.first:
         if name not in recorded:
             yield f"page.first: {not_recorded(name, recorded, descriptions)}"
-    yield from unmatched(scenario.baseline.signals or (), recorded, "baseline.signals")
-    yield from unmatched(scenario.baseline.tolerances, recorded, "baseline.tolerances")
+    yield from check_patterns(scenario.baseline.signals or (), recorded, "baseline.signals")
+    yield from check_patterns(scenario.baseline.tolerances, recorded, "baseline.tolerances")
 
 
 def check_size(scenario: Scenario, signals: int, most: float) -> Iterator[str]:
@@ -756,8 +756,8 @@ def memory() -> float:
         return UNKNOWN
 
 
-def unmatched(patterns: Iterable[str], names: Iterable[str], place: str) -> Iterator[str]:
-    """Problem of each pattern that matches nothing."""
+def check_patterns(patterns: Iterable[str], names: Iterable[str], place: str) -> Iterator[str]:
+    """Yield the problem of each pattern that matches nothing."""
     for pattern in patterns:
         if not matching([pattern], names):
             yield f"{place}: `{pattern}` matches no input or output. {suggest(pattern, names)}"
@@ -984,7 +984,7 @@ def target_problems(event: Event, scenario: Scenario, descriptions: Descriptions
     if name not in scenario.components:
         yield f"target: {no_component(name, scenario)}"
         return
-    for one in resolved({"": event}, scenario.connections).values():
+    for one in resolve_targets({"": event}, scenario.connections).values():
         description = descriptions.get(one.target.component)
         if description is None:
             continue
@@ -1024,7 +1024,7 @@ def value_problems(event: Event, variable: Variable, scenario: Scenario, descrip
         yield f"value: {problem}"
     elif variable.is_tunable:
         values = {**description.starts, **scenario.components[event.target.component].values}
-        result = changed(event, values.get(variable.name)) if result is None else result
+        result = apply_change(event, values.get(variable.name)) if result is None else result
         problems = [] if result is None else tuned_problems(variable, result, values, description)
         yield from (f"value: `{event.target}` becomes {result}: {problem} Correct the value." for problem in problems)
 
@@ -1042,8 +1042,8 @@ def tuned_problems(
     return [f"{problem.rstrip('.')}." for problem in now if problem not in before]
 
 
-def changed(event: Event, nominal: Value | None) -> float | None:
-    """What a shift or a factor makes of a parameter, or None where that is not known."""
+def apply_change(event: Event, nominal: Value | None) -> float | None:
+    """Compute what a shift or a factor makes of a parameter; None where that is not known."""
     if not (is_number(nominal) and is_number(event.value)) or event.action not in ("bias", "scale"):
         return None
     own, other = float(nominal or 0.0), float(event.value or 0.0)
@@ -1124,7 +1124,7 @@ def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     free = {n for n, c in scenario.components.items() if n in descriptions and not is_sampled(c, descriptions[n])}
     wires = [c for c in scenario.connections if {c.source.component, c.target.component} <= free]
     wires = [c for c in wires if c.source.component != c.target.component]
-    loops = [c for c in wires if c.source.component in reached(c.target.component, wires)]
+    loops = [c for c in wires if c.source.component in find_reached(c.target.component, wires)]
     if scenario.experiment.step_control is not None:
         return  # which sees to that error
     if loops and scenario.experiment.method != "jacobi":  # in which every connection is delayed

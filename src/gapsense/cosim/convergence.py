@@ -18,11 +18,11 @@ import numpy as np
 from gapsense._os.files import refuse_export, refuse_unwritable, sealed, write_atomically, write_json
 from gapsense.cosim.check import check_size, is_sampled, measured_file, memory, prepare, subject, within
 from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
-from gapsense.cosim.result.compare import Rows, moved
+from gapsense.cosim.result.compare import Rows, find_moved_edges
 from gapsense.cosim.result.result import Result
-from gapsense.cosim.run.run import isolated, run_prepared
+from gapsense.cosim.run.run import run_prepared, set_isolation
 from gapsense.cosim.scenario.read import Source
-from gapsense.cosim.scenario.records import Component, Scenario, Vector, reached, recorded_signals
+from gapsense.cosim.scenario.records import Component, Scenario, Vector, find_reached, recorded_signals
 from gapsense.cosim.show import convergence_figure, convergence_text
 from gapsense.problems import FmuError, ScenarioError, listing, suggest
 from gapsense.shipped import is_installed
@@ -211,26 +211,28 @@ def converge(
     keep = (keep,) if isinstance(keep, str) else keep
     read, descriptions = prepare(scenario, variant, fmus)
     refuse(read, runs, tolerance, keep, write)
-    if problems := [*check_size(watched(read), runs * len(recorded_signals(watched(read), descriptions)), memory())]:
+    if problems := [
+        *check_size(record_wires(read), runs * len(recorded_signals(record_wires(read), descriptions)), memory())
+    ]:
         raise ScenarioError([f"{read.path.name}, {problems[0]} All runs are kept: fewer `--runs` need less, too."])
     held = frozenset(n for n, c in read.components.items() if is_sampled(c, descriptions[n])) | {*keep}
     if held >= {*read.components}:
         told = "every component is sampled or kept: no exchange could be finer, and there is nothing to measure"
         raise ScenarioError([f"{read.path.name}: {told}. Leave out a `--keep`."])
-    plan, begin = watched(isolated(read, isolation, None)), perf_counter()
+    plan, begin = record_wires(set_isolation(read, isolation, None)), perf_counter()
     judge = Judge(read, descriptions, held, tolerance)
     results = [once(plan, descriptions, progress)]
     if judge.random:
-        judge.compare(results[0], once(judge.shaken(plan), descriptions, progress))
+        judge.compare(results[0], once(judge.change_seeds(plan), descriptions, progress))
     stopped = ""
     while not (is_done := len(results) >= LEAST_RUNS and judge.is_done(results)) and len(results) < runs:
         if len(results) >= LEAST_RUNS and perf_counter() - begin + 2.0 * results[-1].wall > budget:
             stopped = f"the next run would go beyond the {budget:g} s of the budget"
             break
-        results.append(once(halved(plan, held, len(results)), descriptions, progress))
+        results.append(once(halve_step(plan, held, len(results)), descriptions, progress))
     if not (is_done or stopped):
         stopped = f"{runs} runs were allowed"
-    found = judge.found(results, stopped)
+    found = judge.conclude(results, stopped)
     if write:
         content = sealed({"of": subject(read, descriptions), **found.facts()})
         write_atomically(measured_file(read), lambda file: write_json(file, content))
@@ -266,15 +268,15 @@ def refuse(scenario: Scenario, runs: int, tolerance: float, keep: Collection[str
 # Runs with a finer base step.
 
 
-def watched(scenario: Scenario) -> Scenario:
-    """The scenario with what goes along its wires recorded too, and without what a run costs beside that."""
+def record_wires(scenario: Scenario) -> Scenario:
+    """Record what goes along the wires of a scenario too, and drop what a run costs beside that."""
     wires = tuple(str(c.source) for c in scenario.connections)
     record = replace(scenario.record, signals=(*scenario.record.signals, *wires))
     return replace(scenario, record=record, metrics=(), experiment=replace(scenario.experiment, pace=None))
 
 
-def halved(scenario: Scenario, held: Collection[str], times: int) -> Scenario:
-    """The scenario with its base step halved so many times; rows, and steps of what is held, are where they were."""
+def halve_step(scenario: Scenario, held: Collection[str], times: int) -> Scenario:
+    """Halve the base step of a scenario so many times; rows, and steps of what is held, are where they were."""
     n = 2**times
     experiment = scenario.experiment
     return replace(
@@ -307,14 +309,14 @@ class Judge:
 
     def __init__(self, scenario: Scenario, descriptions: Descriptions, held: frozenset[str], tolerance: float) -> None:
         self.scenario, self.descriptions, self.held, self.tolerance = scenario, descriptions, held, tolerance
-        self.known = recorded_signals(watched(scenario), descriptions)
+        self.known = recorded_signals(record_wires(scenario), descriptions)
         self.random = [name for name in scenario.components if name not in held and descriptions[name].is_random] + [
             name for name, event in scenario.events.items() if event.enabled and event.is_random
         ]
         self.noisy: frozenset[str] = frozenset()  # signals that depend on their random numbers
 
-    def shaken(self, scenario: Scenario) -> Scenario:
-        """The scenario with other seeds of all that would draw other random numbers with a finer step."""
+    def change_seeds(self, scenario: Scenario) -> Scenario:
+        """Give other seeds to all that would draw other random numbers with a finer step."""
 
         def other(name: str, component: Component) -> Component:
             """The component with another seed, which its FMU accepts."""
@@ -349,10 +351,10 @@ class Judge:
         """True if a signal has changed so little that the tolerance does not notice."""
         return changes[-1] <= SETTLED * self.tolerance * scale
 
-    def found(self, results: Sequence[Result], stopped: str) -> Convergence:
-        """All that is told."""
+    def conclude(self, results: Sequence[Result], stopped: str) -> Convergence:
+        """Conclude from all results what is told of each signal."""
         own = recorded_signals(self.scenario, self.descriptions)
-        found = self.explained(self.tendencies(results), results)
+        found = self.explain(self.tendencies(results), results)
         return Convergence(
             scenario=self.scenario.name,
             title=results[0].run.title,
@@ -380,7 +382,7 @@ class Judge:
         switching = [n for n, v in self.known.items() if is_discrete(v, [r[n][:rows] for r in results])]
         moved = {component_of(n) for n in switching for r in results if (r[n][:rows] != results[-1][n][:rows]).any()}
         wires = self.scenario.connections
-        more = {name: RATIOS + 1 for source in moved for name in (source, *reached(source, wires))}
+        more = {name: RATIOS + 1 for source in moved for name in (source, *find_reached(source, wires))}
         return {**more, **dict.fromkeys(self.moved_events(results), MOST_RUNS)}
 
     def tendency(self, name: str, values: Sequence[Vector], first: Result, ratios: int) -> Tendency:
@@ -393,7 +395,7 @@ class Judge:
         changes = tuple(greatest(a, b) for a, b in zip(values, values[1:]))
         is_same = all(change <= ROUNDING * scale for change in changes)
         switches = is_discrete(self.known[name], values)
-        order = None if name in self.noisy or switches or is_same else observed(changes, ROUNDING * scale, ratios)
+        order = None if name in self.noisy or switches or is_same else estimate_order(changes, ROUNDING * scale, ratios)
         errors, allowed = errors_of(values, changes, order), self.tolerance * scale
         why = ""
         if name in self.noisy:
@@ -419,7 +421,7 @@ class Judge:
             order=order,
             step=step,
             is_least=is_least,
-            at_edges=largest(apart(values[0], last)[excused(values[0], last)]),
+            at_edges=largest(apart(values[0], last)[find_excused(values[0], last)]),
             why=why,
         )
 
@@ -429,8 +431,8 @@ class Judge:
         grid, farthest = math.gcd(*(n for c in held for n in (c.step, c.offset))), 2 ** (runs - 1)
         return float(self.scenario.experiment.base_step * (min(grid, farthest) if held else farthest))
 
-    def explained(self, found: Iterable[Tendency], results: Sequence[Result]) -> Iterator[Tendency]:
-        """The signals; one that does not settle may follow another, or an event that comes at another base step."""
+    def explain(self, found: Iterable[Tendency], results: Sequence[Result]) -> Iterator[Tendency]:
+        """Yield signals; one that does not settle may follow another, or an event that comes at another base step."""
         known, rows = {t.signal: t for t in found}, min(r.times.size for r in results)
         before, last = results[-2:]
         causes = {
@@ -468,7 +470,7 @@ class Judge:
         names = {name for spans in told for name, *_ in spans ^ told[-1]}
         targets = {name: self.scenario.events[name].target.component for name in sorted(names)}
         wires = self.scenario.connections
-        return {component: n for n, target in targets.items() for component in (target, *reached(target, wires))}
+        return {component: n for n, target in targets.items() for component in (target, *find_reached(target, wires))}
 
 
 def component_of(signal: str) -> str:
@@ -484,11 +486,11 @@ def is_discrete(variable: Variable, values: Iterable[Vector]) -> bool:
     return variable.type != "Real" or all(bool((v == np.round(v)).all()) for v in values)
 
 
-def excused(values: Vector, reference: Vector) -> Rows:
-    """Rows at which a signal differs only because an edge, or a gap of lost samples, comes a row earlier or later."""
+def find_excused(values: Vector, reference: Vector) -> Rows:
+    """Find rows where a signal differs only because an edge, or a gap of lost samples, comes a row earlier or later."""
     mine, theirs = np.isnan(values), np.isnan(reference)
     gap = (mine != theirs) & beside(mine) & beside(theirs) & beside(~mine) & beside(~theirs)
-    found: Rows = moved(values, reference, 0.0, EDGE_ROWS) | gap
+    found: Rows = find_moved_edges(values, reference, 0.0, EDGE_ROWS) | gap
     return found
 
 
@@ -502,7 +504,7 @@ def beside(rows: Rows) -> Rows:
 def greatest(values: Vector, reference: Vector, limit: Vector | None = None) -> float:
     """Greatest difference that no edge excuses, to the reference or to the limit of all runs."""
     difference = apart(values, reference if limit is None else limit)
-    return float(np.where(excused(values, reference), 0.0, difference).max(initial=0.0))
+    return float(np.where(find_excused(values, reference), 0.0, difference).max(initial=0.0))
 
 
 def largest(differences: Vector) -> float:
@@ -517,8 +519,8 @@ def apart(values: Vector, reference: Vector) -> Vector:
     return np.where(np.isnan(values) & np.isnan(reference), 0.0, np.where(np.isnan(difference), np.inf, difference))
 
 
-def observed(changes: Sequence[float], rounding: float, ratios: int = 2) -> float | None:
-    """Order p at which changes fall as 2^-p, from the last ones above rounding; None if they tell two orders.
+def estimate_order(changes: Sequence[float], rounding: float, ratios: int = 2) -> float | None:
+    """Estimate order p at which changes fall as 2^-p, from the last ones above rounding; None if they tell two orders.
 
     An order is believed if so many ratios in a row give nearly the same.
     """

@@ -13,7 +13,7 @@ from time import perf_counter
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from gapsense._os.files import unfit, unwritable, write_atomically, write_columns
-from gapsense.cosim.result.compare import Comparison, compare, selected, thinned
+from gapsense.cosim.result.compare import Comparison, compare, select_signals, thin_rows
 from gapsense.cosim.result.result import TIME, Result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.run.ahead import FMU, run_ahead
@@ -153,13 +153,13 @@ def pending(path: Path, variant: str | None, folder: str | Path) -> Outcome:
     """
     home, folder = path.resolve().parent, Path(folder)
     inner = home.relative_to(folder.resolve()).as_posix() if folder.is_dir() else "."
-    name = titled(home.name if inner == "." else inner, variant)
+    name = make_title(home.name if inner == "." else inner, variant)
     check = Check("run", "not tested: `test` was stopped before.")
     return Outcome(scenario=name, path=path, variant=variant, checks=(check,), seconds=0.0)
 
 
-def titled(name: str, variant: str | None) -> str:
-    """Name of a test of a scenario."""
+def make_title(name: str, variant: str | None) -> str:
+    """Name a test of a scenario."""
     return f"{name}[{variant}]" if variant else name
 
 
@@ -173,7 +173,7 @@ def test_scenario(
 ) -> Outcome:
     """Run one scenario, known under a name, and check it; whatever goes wrong is in the outcome, nothing is raised."""
     path, begin = scenario_file(path), perf_counter()
-    name = name or titled(path.resolve().parent.name, variant)
+    name = name or make_title(path.resolve().parent.name, variant)
     outcome = partial(Outcome, name, path, variant)
     try:
         scenario = load(path, variant)
@@ -222,7 +222,7 @@ def update_baseline(
     result = run(scenario, variant, fmus, isolation=isolation)
     if result.interrupted:
         return Update(baseline.file, ("the run was interrupted; a baseline needs a complete one.",), False, True)
-    rows, names = thinned(result, baseline), selected(result, baseline)
+    rows, names = thin_rows(result, baseline), select_signals(result, baseline)
     is_new = not baseline.file.is_file()
     changes = [f"new: {len(names)} signals, {rows.times.size} rows."] if is_new else compare(result, baseline).sentences
     if write and changes:

@@ -15,7 +15,7 @@ import numpy as np
 
 from gapsense.cosim.check import prepare, within
 from gapsense.cosim.fmu.descriptions import Description, Variable
-from gapsense.cosim.result.compare import selected, thinned, tolerance_of
+from gapsense.cosim.result.compare import select_signals, thin_rows, tolerance_of
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.run import run_once
@@ -55,9 +55,9 @@ def sensitivity(scenario: str | Path, variant: str | None = None, fmus: str | Pa
     The growth of each signal that the baseline covers is that of the worst draw; the most sensitive ones come first.
     """
     read, descriptions = prepare(scenario, variant, fmus)
-    changed = (perturbed(read, descriptions, PERTURBATION, draw) for draw in range(DRAWS))
+    changed = (perturb(read, descriptions, PERTURBATION, draw) for draw in range(DRAWS))
     first, *others = (once(each, descriptions) for each in (read, *changed))
-    found = [growth(name, first, others, read) for name in selected(first, read.baseline)]
+    found = [growth(name, first, others, read) for name in select_signals(first, read.baseline)]
     return sorted(found, key=lambda g: -g.change / g.allowed if g.allowed else -math.inf)
 
 
@@ -67,7 +67,7 @@ def once(scenario: Scenario, descriptions: Mapping[str, Description]) -> Result:
         result = run_once(master)
     if result.interrupted:
         raise KeyboardInterrupt
-    return thinned(result, scenario.baseline)
+    return thin_rows(result, scenario.baseline)
 
 
 def growth(name: str, first: Result, others: list[Result], scenario: Scenario) -> Growth:
@@ -88,30 +88,32 @@ def growth(name: str, first: Result, others: list[Result], scenario: Scenario) -
     )
 
 
-def perturbed(scenario: Scenario, descriptions: Mapping[str, Description], size: float, draw: int) -> Scenario:
-    """The scenario with all parameters and constant inputs changed by this much, up or down."""
+def perturb(scenario: Scenario, descriptions: Mapping[str, Description], size: float, draw: int) -> Scenario:
+    """Change all parameters and constant inputs of a scenario by this much, up or down."""
 
     def other(component: Component) -> Component:
         """The component with every numeric parameter changed, also those that it leaves at their start values."""
         description = descriptions[component.name]
         values = {v.name: component.values.get(v.name, v.start) for v in description.of("parameter")}
         numbers = {name: float(value) for name, value in values.items() if value is not None and is_number(value)}
-        others = {name: changed(value, description.variables[name], size, draw) for name, value in numbers.items()}
+        others = {
+            name: perturb_value(value, description.variables[name], size, draw) for name, value in numbers.items()
+        }
         more = {name: value for name, value in others.items() if value != numbers[name]}
         return replace(component, values={**component.values, **more})
 
-    def varied(port: Port, value: Value) -> Value:
+    def perturb_input(port: Port, value: Value) -> Value:
         if not is_number(value):
             return value
-        return changed(float(value), descriptions[port.component].variables[port.variable], size, draw)
+        return perturb_value(float(value), descriptions[port.component].variables[port.variable], size, draw)
 
     components = {name: other(component) for name, component in scenario.components.items()}
-    inputs = {port: varied(port, value) for port, value in scenario.inputs.items()}
+    inputs = {port: perturb_input(port, value) for port, value in scenario.inputs.items()}
     return replace(scenario, components=components, inputs=inputs)
 
 
-def changed(value: float, variable: Variable, size: float, draw: int) -> float:
-    """A value changed up or down, within the limits of its variable; equal values stay equal.
+def perturb_value(value: float, variable: Variable, size: float, draw: int) -> float:
+    """Change a value up or down, within the limits of its variable; equal values stay equal.
 
     Only Real values change. Times, values without a dimension, and whole numbers of unknown unit stay as they are.
     """

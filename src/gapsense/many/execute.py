@@ -131,7 +131,7 @@ class VectorExecutor:
     def entries(self, numbers: Sequence[int]) -> Iterator[Entry]:
         """Entries of some runs."""
         requests = [self.job.request(number) for number in numbers]
-        takes = [self.vectors.subject.taken(asked["shift"], by_port(asked["values"])) for asked in requests]
+        takes = [self.vectors.subject.make_take(asked["shift"], by_port(asked["values"])) for asked in requests]
         for place, recording in self.vectors.record(takes):
             number = numbers[place]
             if recording is None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gapsense._os.files import SHOWN, fingerprint
-from gapsense.cosim.check import check_scenario, find_fmus, read_descriptions, taken, unmatched
+from gapsense.cosim.check import check_patterns, check_scenario, find_fmus, keep_own_values, read_descriptions
 from gapsense.cosim.run.ahead import AUTO
 from gapsense.cosim.run.engines import folder_of
 from gapsense.cosim.scenario.fingerprint import deciding, facts
@@ -291,13 +291,13 @@ def inspect(path: str | Path, fmus: str | Path | None, engine: str = AUTO) -> tu
     chosen = folder_of(engine, study.scenario, fmus)
     folder = find_fmus(scenario_file(study.scenario)) if chosen is None else Path(chosen)
     descriptions = read_descriptions(draft.scenario, folder, problems)
-    read = taken(draft.scenario, descriptions)
+    read = keep_own_values(draft.scenario, descriptions)
     plan = replace(study.plan, blocks=(*read.plan.blocks, *study.plan.blocks))  # the scenario's own sweep comes first
     judged = judgeable(study, read, plan)
     problems += own_problems(study, read)
     problems += translated(check_scenario(judged, descriptions, draft.broken), study, read.path.name)
     if len(descriptions) == len(read.components):
-        found = unmatched(study.signals, signals(descriptions), "trajectories.signals")
+        found = check_patterns(study.signals, signals(descriptions), "trajectories.signals")
         problems += [f"{study.path.name}, {problem}" for problem in found]
     if problems:
         return problems, None

@@ -220,7 +220,7 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
         name: np.array([words.get(run, {}).get("metrics", {}).get(name) for run in indices], dtype=np.float64)
         for name in further
     }
-    points = [plan.named(run) for run in indices]
+    points = [plan.name_values(run) for run in indices]
     return Sweep(
         indices=indices,
         metrics=found if indices else {},
@@ -241,7 +241,7 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
 
 def save(result: Sweep, about: Mapping[str, Any], plan: Plan, path: Path) -> None:
     """Write both files, a row per run; `plan` is what the sweep goes through."""
-    told = {**about, **sidecar(result, {run: plan.named(run) for run in result.errors})}
+    told = {**about, **sidecar(result, {run: plan.name_values(run) for run in result.errors})}
     grid = {name: np.array(column, dtype=object) for name, column in result.grid.items()}
     columns: Columns = {"run": np.array(result.indices, dtype=np.float64), **grid, **result.metrics}
     write_with_facts(path, columns, result.units, lambda digest: {**told, "sha256": digest})

@@ -96,7 +96,7 @@ class Many:
 
     def request(self, index: int) -> dict[str, Any]:
         """What a worker is asked for a run, of JSON."""
-        return {"index": index, "shift": self.plan.shift(index), "values": self.plan.named(index)}
+        return {"index": index, "shift": self.plan.shift(index), "values": self.plan.name_values(index)}
 
     def job(self, workers: int = 1) -> Job:
         """What processes do, on whatever machine."""

@@ -27,7 +27,7 @@ SPAN = 4.0  # from the least value of a slider to the given one, and from that t
 def make_plan(subject: Subject, result: Result) -> dict[str, Any]:
     """Collect what the scripts of a page need, as JSON."""
     scenario, experiment = subject.scenario, subject.scenario.experiment
-    components = plan.values(subject, subject.taken())
+    components = plan.values(subject, subject.make_take())
     return {
         "name": scenario.name.replace("[", "_").rstrip("]"),
         "start": experiment.start,

@@ -13,7 +13,7 @@ from gapsense.cosim.run import events as run_events
 from gapsense.cosim.run.events import NEVER, Actor, noise
 from gapsense.cosim.run.part import Layout, Wire, constants, first_exchange, first_turn, player
 from gapsense.cosim.run.recording import Subject, Take, shape
-from gapsense.cosim.scenario.records import Component, Experiment, Port, Watch, ports, texts
+from gapsense.cosim.scenario.records import Component, Experiment, Port, Threshold, ports, texts
 from gapsense.fmi.native.headers import literal
 from gapsense.page.module import SYMBOLS, parts
 from gapsense.tables import Value
@@ -85,7 +85,7 @@ def header(subject: Subject) -> str:
 def layout_of(subject: Subject) -> Layout:
     """Places in the buffer."""
     events = {name: event for name, event in subject.scenario.events.items() if event.enabled}
-    return Layout(ports(subject.descriptions), texts(subject.descriptions), subject.resolved(events))
+    return Layout(ports(subject.descriptions), texts(subject.descriptions), subject.prepare_events(events))
 
 
 def at(rows: Any, k: int) -> list[float]:
@@ -219,7 +219,7 @@ def inputs(subject: Subject) -> list[list[float]]:
 def actors(subject: Subject) -> dict[str, Actor]:
     """The events, with one target each."""
     layout, scenario = layout_of(subject), subject.scenario
-    return run_events.actors(layout.events, scenario.experiment, scenario.components, layout, subject.taken().seeds)
+    return run_events.actors(layout.events, scenario.experiment, scenario.components, layout, subject.make_take().seeds)
 
 
 def noises(acting: Mapping[str, Actor], experiment: Experiment) -> list[float]:
@@ -235,7 +235,7 @@ def noisy(actor: Actor, experiment: Experiment) -> range:
     return range(begin, min(actor.track.end or NEVER, experiment.count + 1))
 
 
-def condition(of: Watch) -> str:
+def condition(of: Threshold) -> str:
     """A condition, as loop.c has it."""
     return f"{{{of.place}, {int(of.is_above)}, 0, 0, {of.level!r}}}"
 

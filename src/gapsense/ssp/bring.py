@@ -13,8 +13,8 @@ from xml.etree.ElementTree import Element as Xml
 from xml.etree.ElementTree import ParseError
 
 from gapsense._os.files import finite
-from gapsense.cosim.check import check, described
-from gapsense.cosim.fmu.archive import UnusableError, shown
+from gapsense.cosim.check import check, describe_fmu
+from gapsense.cosim.fmu.archive import UnusableError, sanitise
 from gapsense.cosim.fmu.descriptions import Description, Variable
 from gapsense.cosim.scenario.build import write_document
 from gapsense.cosim.scenario.read import Document
@@ -87,7 +87,9 @@ def read_structure(package: Package, problems: list[str], notes: list[str]) -> t
         root, violations = package.document(DESCRIPTION, "ssd")
         system, version = root.find(tag("ssd:System")), root.get("version", "")
         if system is None or not version.startswith("1."):
-            raise UnusableError(f"it is of SSP `{shown(version)}`, a system of SSP 1.0 is expected. Export it as that.")
+            raise UnusableError(
+                f"it is of SSP `{sanitise(version)}`, a system of SSP 1.0 is expected. Export it as that."
+            )
         notes += [f"{DESCRIPTION} is not as the schema says: {text}" for text in violations]
         return root, read_element(system, (), problems)
     except (ParseError, ValueError) as error:
@@ -127,9 +129,9 @@ def described_all(
         if one.path not in fmus or fmus[one.path] in wrong:
             continue
         try:
-            out[one.path] = described(folder / FMUS / fmus[one.path])
+            out[one.path] = describe_fmu(folder / FMUS / fmus[one.path])
         except UnusableError as error:
-            wrong[fmus[one.path]] = f"{one.name}, `{shown(one.source)}`: it cannot be used: {error}"
+            wrong[fmus[one.path]] = f"{one.name}, `{sanitise(one.source)}`: it cannot be used: {error}"
     problems += wrong.values()
     return out
 
@@ -173,7 +175,7 @@ class Maker:
         self.descriptions = described_all(self.components, fmus, folder, problems)
         files = dict.fromkeys(d.path for d in self.descriptions.values())
         shared, other = together(map(units_of, files))
-        problems += [f"the unit `{shown(name)}` is not the same in two FMUs. Correct one of them." for name in other]
+        problems += [f"the unit `{sanitise(name)}` is not the same in two FMUs. Correct one of them." for name in other]
         own = read_units(root, f"{tag('ssd:Units')}/{tag('ssc:Unit')}")
         self.units = {**shared, **own}  # those of the document go before
         known = {path: d.variables for path, d in self.descriptions.items()}
@@ -197,7 +199,7 @@ class Maker:
         components = {self.names[one.path]: self.component(one, base) for one in self.components}
         for path, connector in self.wiring.edges:  # the check of the scenario sees the other ends
             if path in self.descriptions and connector not in (known := self.descriptions[path].variables):
-                found = f"its FMU has no `{shown(connector)}`"
+                found = f"its FMU has no `{sanitise(connector)}`"
                 self.problems.append(f"{self.names[path]}: {found}. {suggest(connector, known)}")
         for node in self.given:
             if node[0] not in self.descriptions and node not in self.reached:
@@ -270,7 +272,7 @@ class Maker:
         if way and way.source[0] in self.descriptions:
             name = ".".join((self.names[node[0]], variable.name))
             self.problems.append(
-                f"{name}: it is connected to `{shown(way.source[1])}`, only inputs may be connected. Set a value."
+                f"{name}: it is connected to `{sanitise(way.source[1])}`, only inputs may be connected. Set a value."
             )
             return None
         value = self.through(way, variable) if way else self.find_value(node, variable.unit or "")
@@ -304,7 +306,7 @@ class Maker:
         if given.unit and unit and not given.suppress:
             line = conversion(given.unit, unit, {**self.units, **given.units})
         if line is None:
-            said = f"it is in `{shown(given.unit)}`, `{unit}` is expected, and there is no conversion"
+            said = f"it is in `{sanitise(given.unit)}`, `{unit}` is expected, and there is no conversion"
             self.problems.append(f"{given.place}: {said}. Define both units, or correct one.")
         return convert_value(given.value, (line or Line()).then(given.line))
 
@@ -336,7 +338,7 @@ class Told:
         self.own = self.read_own()
         kinds = dict.fromkeys(xml.get("type", "") for xml in root.iter(tag("ssc:Annotation")))
         for kind in (kind for kind in kinds if kind not in (OWN, OSP)):
-            notes.append(f"annotations of `{shown(kind)}` are left out, but for a step in them.")
+            notes.append(f"annotations of `{sanitise(kind)}` are left out, but for a step in them.")
 
     def read_own(self) -> dict[str, Any]:
         """Tables of our annotation, but for what SSP itself tells."""
@@ -424,7 +426,7 @@ class Told:
 
 def name_of(node: Node) -> str:
     """A connector or a variable, as messages name it."""
-    return shown(".".join((*node[0], node[1])))
+    return sanitise(".".join((*node[0], node[1])))
 
 
 class Edge(NamedTuple):
@@ -463,7 +465,7 @@ class Wiring:
 
     def connect(self, system: Element, link: Link) -> None:
         """Add a connection in the direction that the kinds of its connectors tell."""
-        place = " -> ".join(shown(".".join(filter(None, end))) for end in link.ends)
+        place = " -> ".join(sanitise(".".join(filter(None, end))) for end in link.ends)
         ends = [self.end(system, *end) for end in link.ends]
         if link.refused:
             self.problems.append(f"{system.name}, {place}: `{link.refused}` is not supported. Remove it.")
@@ -515,7 +517,7 @@ class Wiring:
             if unit and own and unit != own and not link.suppress:
                 found = conversion(unit, own, self.units)
                 if found is None:
-                    said = f"`{name_of(node)}` is in `{shown(own)}`, what it gets is in `{shown(unit)}`"
+                    said = f"`{name_of(node)}` is in `{sanitise(own)}`, what it gets is in `{sanitise(unit)}`"
                     self.problems.append(f"{said}, and there is no conversion. Define both units, or correct one.")
                 made = made.then(found or Line())
             made, unit = made.then(link.line), own or unit

@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 from xml.etree.ElementTree import Element, fromstring
 
-from gapsense.cosim.fmu.archive import UnusableError, refuse_damaged, refuse_dangerous, refuse_document_type, shown
+from gapsense.cosim.fmu.archive import UnusableError, refuse_damaged, refuse_dangerous, refuse_document_type, sanitise
 from gapsense.problems import InputError
 from gapsense.ssp.words import DESCRIPTION, SCHEMAS
 
@@ -34,7 +34,7 @@ class Package:
         """A document of SSP, and what in it is not as the schema of its kind says; UnusableError if it is no XML."""
         info = self.archive.getinfo(name)
         if info.file_size > LARGEST:
-            raise UnusableError(f"`{shown(name)}` has more than {LARGEST // 10**6} MB. Export it with less in it.")
+            raise UnusableError(f"`{sanitise(name)}` has more than {LARGEST // 10**6} MB. Export it with less in it.")
         content = self.archive.read(info)
         refuse_document_type(content, name)
         return fromstring(content), violations(content, kind)
@@ -49,10 +49,10 @@ class Package:
         """Name of the member that a URI relative to the description means; UnusableError if it means none."""
         parts = urlsplit(source)
         if parts.scheme or parts.netloc or source.startswith("/"):
-            raise UnusableError(f"`{shown(source)}` is outside the package. Put it in.")
+            raise UnusableError(f"`{sanitise(source)}` is outside the package. Put it in.")
         name = posixpath.normpath(unquote(parts.path))
         if name not in self.names:
-            raise UnusableError(f"there is no `{shown(source)}` in the package. Put it in, or correct the source.")
+            raise UnusableError(f"there is no `{sanitise(source)}` in the package. Put it in, or correct the source.")
         return name
 
 

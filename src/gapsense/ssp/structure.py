@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Xml
 
-from gapsense.cosim.fmu.archive import UnusableError, shown
+from gapsense.cosim.fmu.archive import UnusableError, sanitise
 from gapsense.ssp.units import Line
 from gapsense.ssp.words import FMU_TYPE, TYPES, plain, tag
 
@@ -56,7 +56,7 @@ class Element:
     @property
     def name(self) -> str:
         """As messages name it."""
-        return shown(".".join(self.path)) or "the system"
+        return sanitise(".".join(self.path)) or "the system"
 
     def components(self) -> Iterator[Element]:
         """All components in it at any depth, in the order of the document."""
@@ -75,7 +75,9 @@ def read_element(xml: Xml, path: Place, problems: list[str]) -> Element:
         connector = read_connector(one)
         made.connectors[connector.name] = connector
         if connector.kind not in (*SOURCES, *SINKS):
-            problems.append(f"{made.name}: its connector `{shown(connector.name)}` is of kind {shown(connector.kind)}.")
+            problems.append(
+                f"{made.name}: its connector `{sanitise(connector.name)}` is of kind {sanitise(connector.kind)}."
+            )
     if xml.tag == tag("ssd:Component"):
         made.source = xml.get("source", "") or "?"
         problems += refused_component(xml, made)
@@ -83,10 +85,10 @@ def read_element(xml: Xml, path: Place, problems: list[str]) -> Element:
     for one in xml.iterfind(f"{tag('ssd:Elements')}/*"):
         name = one.get("name", "")
         if plain(one.tag) not in ("ssd:Component", "ssd:System"):
-            what = REFUSED.get(plain(one.tag), f"an element `{shown(plain(one.tag))}`")
-            problems.append(f"{made.name}: `{shown(name)}` is {what}, which is not supported. Connect it directly.")
+            what = REFUSED.get(plain(one.tag), f"an element `{sanitise(plain(one.tag))}`")
+            problems.append(f"{made.name}: `{sanitise(name)}` is {what}, which is not supported. Connect it directly.")
         elif name in made.elements:
-            problems.append(f"{made.name}: there are two elements `{shown(name)}`. Rename one.")
+            problems.append(f"{made.name}: there are two elements `{sanitise(name)}`. Rename one.")
         else:
             made.elements[name] = read_element(one, (*path, name), problems)
     made.links = [read_link(one) for one in xml.iterfind(f"{tag('ssd:Connections')}/{tag('ssd:Connection')}")]
@@ -97,7 +99,7 @@ def refused_component(xml: Xml, made: Element) -> Iterator[str]:
     """Why a component cannot be used, one sentence each."""
     kind, implementation = xml.get("type", FMU_TYPE) or FMU_TYPE, xml.get("implementation", "any")
     if kind != FMU_TYPE:
-        yield f"{made.name}: it is of type `{shown(kind)}`, `{FMU_TYPE}` expected. Put its content into this system."
+        yield f"{made.name}: it is of type `{sanitise(kind)}`, `{FMU_TYPE}` expected. Put its content into this system."
     if implementation == "ModelExchange":
         yield f"{made.name}: its implementation is ModelExchange, CoSimulation expected. Export the FMU as that."
 

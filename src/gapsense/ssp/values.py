@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import NamedTuple
 from xml.etree.ElementTree import Element as Xml
 
-from gapsense.cosim.fmu.archive import UnusableError, shown
+from gapsense.cosim.fmu.archive import UnusableError, sanitise
 from gapsense.problems import suggest
 from gapsense.ssp.package import Package
 from gapsense.ssp.structure import Element, Place, read_transformation
@@ -76,14 +76,14 @@ class BindingReader:
         """Content of a binding or of its mapping: from its file, or inline."""
         source, own = xml.get("source", ""), xml.get("type", kind[0]) or kind[0]
         if own != kind[0]:
-            raise UnusableError(f"it is of type `{shown(own)}`, `{kind[0]}` expected. Export it as that.")
+            raise UnusableError(f"it is of type `{sanitise(own)}`, `{kind[0]}` expected. Export it as that.")
         if source and xml.get("sourceBase", "SSD") != "SSD":
             raise UnusableError(
-                f"its source `{shown(source)}` is in the component. Put it beside the system structure."
+                f"its source `{sanitise(source)}` is in the component. Put it beside the system structure."
             )
         if source:
             root, violations = self.package.document(self.package.member(source), kind[1])
-            self.notes += [f"{shown(source)} is not as the schema says: {text}" for text in violations]
+            self.notes += [f"{sanitise(source)} is not as the schema says: {text}" for text in violations]
             return root
         holder = xml.find(tag(around)) if around else xml
         found = None if holder is None else holder.find(tag(name))
@@ -95,13 +95,13 @@ class BindingReader:
         """Values of a set by name."""
         units = {**self.units, **read_units(root, f"{tag('ssv:Units')}/{tag('ssc:Unit')}")}
         for xml in root.iterfind(f"{tag('ssv:Parameters')}/{tag('ssv:Parameter')}"):
-            name, where = xml.get("name", ""), f"{shown(place)}, parameter `{shown(xml.get('name', ''))}`"
+            name, where = (xml.get("name", ""), f"{sanitise(place)}, parameter `{sanitise(xml.get('name', ''))}`")
             typed = next((child for child in xml if plain(child.tag).startswith("ssv:")), None)
             value = (
                 None if typed is None else parse_value(plain(typed.tag).removeprefix("ssv:"), typed.get("value", ""))
             )
             if typed is None or value is None:
-                kind = "nothing" if typed is None else shown(f"{plain(typed.tag)} `{typed.get('value', '')}`")
+                kind = "nothing" if typed is None else sanitise(f"{plain(typed.tag)} `{typed.get('value', '')}`")
                 self.problems.append(f"{where}: {kind} found, a number, a truth value or a text expected. Correct it.")
             else:
                 yield name, Given(value, typed.get("unit", ""), units, where)
@@ -114,9 +114,9 @@ class BindingReader:
             source, target = xml.get("source", ""), xml.get("target", "")
             line, refused = read_transformation(xml)
             if refused:
-                self.problems.append(f"mapping of `{shown(source)}`: `{refused}` is not supported. Map its result.")
+                self.problems.append(f"mapping of `{sanitise(source)}`: `{refused}` is not supported. Map its result.")
             elif source not in values:
-                self.problems.append(f"mapping: there is no value `{shown(source)}`. Correct its source.")
+                self.problems.append(f"mapping: there is no value `{sanitise(source)}`. Correct its source.")
             else:
                 suppress = xml.get("suppressUnitConversion") in ("true", "1")
                 out[target] = values[source]._replace(line=line, suppress=suppress)
@@ -130,7 +130,7 @@ class BindingReader:
         known = () if node is None else self.known.get(node[0])
         if node is None or (known is not None and node[1] not in known):
             hint = suggest(name, known or ())
-            self.unused[source, name] = f"{given.place}: there is no `{shown(name)}` in {element.name}. {hint}"
+            self.unused[source, name] = f"{given.place}: there is no `{sanitise(name)}` in {element.name}. {hint}"
         else:
             self.used.add((source, name))
             self.given[node] = given

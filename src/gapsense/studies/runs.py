@@ -62,7 +62,7 @@ def signals(
     asked = [*zip(seeds or [0] * len(draws), map(by_port, draws))]
     vectors = vectors_for(subject, engine)
     if vectors:
-        for k, recording in vectors.record([subject.taken(*one) for one in asked]):
+        for k, recording in vectors.record([subject.make_take(*one) for one in asked]):
             yield k, recording.data[:, order] if recording else None
     else:
         for k, run in enumerate(by_fmus(subject, asked)):

@@ -11,7 +11,7 @@ import numpy as np
 from gapsense.cosim.run.events import Director
 from gapsense.cosim.run.part import Stage, constants, player
 from gapsense.cosim.run.recording import Recording, Take, new_marks, shape
-from gapsense.cosim.scenario.read import varied
+from gapsense.cosim.scenario.read import vary_events
 from gapsense.fmi.values import ValuesError
 from gapsense.fmi.values import problems as refused
 from gapsense.kernels.lanes.plan import columns_in_c
@@ -125,7 +125,7 @@ class Block:
         for lane, take in enumerate(self.takes if model.layout.events else ()):
             problems: list[str] = []
             parts: Any = [RunPart(self, place, lane) for place in range(len(model.members))]
-            events = model.subject.resolved(varied(model.scenario.events, take.values, problems))
+            events = model.subject.prepare_events(vary_events(model.scenario.events, take.values, problems))
             if problems:
                 self.lose(lane)
             view = self.values[:, lane]

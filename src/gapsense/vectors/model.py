@@ -36,7 +36,7 @@ class Model:
         self.periods = dict(zip(subject.order.names, periods))
         self.experiment = self.scenario.experiment
         descriptions = subject.descriptions
-        self.layout = Layout(ports(descriptions), texts(descriptions), subject.resolved(self.scenario.events))
+        self.layout = Layout(ports(descriptions), texts(descriptions), subject.prepare_events(self.scenario.events))
         self.room = Room(self.layout.size)
         self.stages = {name: self.room.take(STAGE) for name in self.layout.slots}
         self.conditions = {name: self.room.take(WATCH) for name, e in self.layout.events.items() if e.when}

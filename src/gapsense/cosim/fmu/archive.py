@@ -35,8 +35,8 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def shown(text: str) -> str:
-    """A stranger's text as a message may show it: short, without control characters."""
+def sanitise(text: str) -> str:
+    """Make a stranger's text fit for a message: short, without control characters."""
     plain = printable(text)
     return plain if len(plain) <= SHOWN else f"{plain[:SHOWN]}..."
 
@@ -75,7 +75,7 @@ def refuse_dangerous(infos: list[zipfile.ZipInfo], packed: int) -> list[str]:
     for info in infos:
         problem = member_problem(info)
         if problem:
-            raise UnusableError(f"its member `{shown(info.orig_filename)}` {problem}. {UNTRUSTED}")
+            raise UnusableError(f"its member `{sanitise(info.orig_filename)}` {problem}. {UNTRUSTED}")
     refuse_collisions(infos)
     return [info.filename for info in infos]
 
@@ -104,7 +104,9 @@ def refuse_damaged(archive: zipfile.ZipFile) -> None:
                 while member.read(BLOCK):
                     pass
         except (zipfile.BadZipFile, zlib.error, EOFError) as error:
-            raise UnusableError(f"its member `{shown(info.filename)}` is damaged. Copy or export it again.") from error
+            raise UnusableError(
+                f"its member `{sanitise(info.filename)}` is damaged. Copy or export it again."
+            ) from error
 
 
 def refuse_collisions(infos: Iterable[zipfile.ZipInfo]) -> None:
@@ -116,21 +118,21 @@ def refuse_collisions(infos: Iterable[zipfile.ZipInfo]) -> None:
         inside.update(str(parent) for parent in PurePosixPath(name).parents)
         content = (info.CRC, info.file_size)
         if not name.endswith("/") and files.setdefault(str(PurePosixPath(name)), content) != content:
-            raise UnusableError(f"its member `{shown(name)}` is there twice, with different content. {UNTRUSTED}")
+            raise UnusableError(f"its member `{sanitise(name)}` is there twice, with different content. {UNTRUSTED}")
     for name in sorted(inside & files.keys()):
-        raise UnusableError(f"its member `{shown(name)}` is a file and a folder. {UNTRUSTED}")
+        raise UnusableError(f"its member `{sanitise(name)}` is a file and a folder. {UNTRUSTED}")
 
 
 def refuse_document_type(data: bytes, name: str = DESCRIPTION) -> None:
     """Raise for XML with a document type, the only place where entities are declared, or in an odd encoding."""
-    name = shown(name)
+    name = sanitise(name)
 
     def document_type(*_: object) -> None:
         raise UnusableError(f"its {name} declares a document type, which it must not. {UNTRUSTED}")
 
     def declaration(_: str, encoding: str | None, __: int) -> None:
         if (encoding and encoding.lower()) not in ENCODINGS:
-            found = f"its {name} is encoded as `{shown(encoding or '')}`, UTF-8 is expected"
+            found = f"its {name} is encoded as `{sanitise(encoding or '')}`, UTF-8 is expected"
             raise UnusableError(f"{found}. Export it again.")
 
     parser = expat.ParserCreate()
@@ -148,5 +150,5 @@ def refuse_document_type(data: bytes, name: str = DESCRIPTION) -> None:
 def refuse_identifier(identifier: str) -> None:
     """Raise for a model identifier that is more than the name of a file: it becomes that of the library loaded."""
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", identifier):
-        found = f"its model identifier is `{shown(identifier)}`, letters, digits and `_` expected"
+        found = f"its model identifier is `{sanitise(identifier)}`, letters, digits and `_` expected"
         raise UnusableError(f"{found}. {UNTRUSTED}")

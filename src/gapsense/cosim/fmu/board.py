@@ -48,14 +48,14 @@ class OnBoard(Instance):
         self.cause, self.is_running, self.duration = "", False, 0.0
         self.period = self.elapsed = self.start = 0.0
         try:
-            with self.explained():
+            with self.explain_errors():
                 self.learn(wanted)
         except FmuError:
             super().close()
             raise
 
     @contextmanager
-    def explained(self) -> Iterator[None]:
+    def explain_errors(self) -> Iterator[None]:
         """Tell what is wrong with the board as the error of its component."""
         try:
             yield
@@ -133,7 +133,7 @@ class OnBoard(Instance):
         """Call an entry point; at the end of the initialization the board starts too."""
         super().call(function, *arguments)
         if function == "fmi2ExitInitializationMode":
-            with self.explained():
+            with self.explain_errors():
                 self.send_parameters()
                 self.elapsed = 0.0
                 self.move_once(START, self.start, 0.0)
@@ -188,7 +188,7 @@ class OnBoard(Instance):
             if status > WARNING:
                 return status
             try:
-                with self.explained():
+                with self.explain_errors():
                     self.advance(start + duration, duration)
             except FmuError:  # which `failure` makes again, with the time of the step
                 return ERROR
@@ -220,12 +220,12 @@ class OnBoard(Instance):
     def change(self, name: str, value: Value) -> None:
         """Set a variable during a run."""
         super().change(name, value)
-        with self.explained():
+        with self.explain_errors():
             self.send_parameters()
 
     def state(self) -> bytes:
         """All that the FMU and the board remember."""
-        with self.explained():
+        with self.explain_errors():
             there = self.link.whole(SAVE, self.place, 0, self.state_size)
         both = [b64encode(part).decode() for part in (super().state(), there)]
         return json.dumps([*both, self.found.tolist(), self.elapsed]).encode()
@@ -235,7 +235,7 @@ class OnBoard(Instance):
         here, there, found, self.elapsed = json.loads(saved)
         super().restore(b64decode(here))
         content, room = b64decode(there), self.link.most - 4
-        with self.explained():
+        with self.explain_errors():
             self.send_parameters()
             for at in range(0, len(content), room):
                 self.ask(LOAD, struct.pack("<I", at) + content[at : at + room])

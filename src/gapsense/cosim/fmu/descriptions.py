@@ -25,7 +25,7 @@ from xml.etree.ElementTree import Element, fromstring, tostring
 
 from gapsense._os.files import fingerprint, sha256, state
 from gapsense._os.locks import FACTS, cache_folder
-from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, shown
+from gapsense.cosim.fmu.archive import DESCRIPTION, UnusableError, read_description, refuse_identifier, sanitise
 from gapsense.fmi import ports
 from gapsense.fmi.ports import Component, Limit, Port
 from gapsense.fmi.values import KINDS, ValuesError, fields
@@ -130,11 +130,11 @@ def scalars(v: Any, sizes: Mapping[str, int]) -> list[Variable]:
         return []
     if count > MOST_ELEMENTS:
         size = "x".join(map(str, shape))
-        found = f"its input `{shown(v.name)}` is an array of {size}, at most {MOST_ELEMENTS} elements are supported"
+        found = f"its input `{sanitise(v.name)}` is an array of {size}, at most {MOST_ELEMENTS} elements are supported"
         raise UnusableError(f"{found}. Make it smaller.")
     texts = (v.start or "").split()
     if len(texts) not in (0, 1, count) and count == math.prod(v.shape):
-        found = f"its array `{shown(v.name)}` has {len(texts)} start values, {count} or one expected"
+        found = f"its array `{sanitise(v.name)}` has {len(texts)} start values, {count} or one expected"
         raise UnusableError(f"{found}. Export it again.")
     starts = texts * count if len(texts) == 1 else texts if len(texts) == count else [None] * count
     like, places = variable(v, None), product(*(range(1, n + 1) for n in shape))
@@ -180,7 +180,7 @@ def number(v: Any, attribute: str) -> float | None:
     text = of_type(v, attribute)
     value = None if text is None else float(text)
     if value is not None and math.isnan(value):
-        raise UnusableError(f"`{attribute}` of its variable `{shown(v.name)}` is not a number. Export it again.")
+        raise UnusableError(f"`{attribute}` of its variable `{sanitise(v.name)}` is not a number. Export it again.")
     return value
 
 
@@ -337,7 +337,7 @@ def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
     with suppress(OSError):  # of a file that is not there it is told below
         digest = sha256(path)
         kept = place_of(digest, sizes)
-        if known := recalled(kept, path):
+        if known := recall_description(kept, path):
             return known
         made = read_anew(path, sizes, digest)
         keep(kept, made)
@@ -347,7 +347,7 @@ def describe(path: Path, sizes: Mapping[str, int] = NO_SIZES) -> Description:
 
 def read_anew(path: Path, sizes: Mapping[str, int], digest: str) -> Description:
     """Model description of an FMU file with this hash, from the file itself."""
-    model, variables, rules, members = opened(path, sizes)
+    model, variables, rules, members = open_model(path, sizes)
     refuse_unusable(model, members)
     refuse_shared(variables.values())
     return Description(
@@ -370,7 +370,7 @@ def read_anew(path: Path, sizes: Mapping[str, int], digest: str) -> Description:
     )
 
 
-def opened(
+def open_model(
     path: Path, sizes: Mapping[str, int] = NO_SIZES
 ) -> tuple[Any, dict[str, Variable], Component | None, list[str]]:
     """What fmpy makes of the model description of any FMU file, its variables that a run can move, its rules, and the
@@ -378,7 +378,7 @@ def opened(
     """
     data, members = read_description(path)
     try:
-        root, text = mended(data)
+        root, text = mend_description(data)
         model = read_model(text)
         elements = {e.get("name"): e for e in root.iterfind("ModelVariables/*") if e.tag.startswith("UInt")}
         for v in (v for v in model.modelVariables if v.name in elements):  # whose limits fmpy leaves out
@@ -389,7 +389,7 @@ def opened(
     except UnusableError:
         raise
     except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
-        why = shortened(" ".join(str(error).split()))
+        why = shorten(" ".join(str(error).split()))
         raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
 
 
@@ -429,7 +429,7 @@ def refuse_unusable(model: Any, members: list[str]) -> None:
     library = path_in(2 if model.fmiVersion == "2.0" else 3, model.coSimulation.modelIdentifier)
     if library not in members:
         platforms = sorted({name.split("/")[1] for name in members if name.startswith("binaries/") and name[9:]})
-        has = f"it has {', '.join(map(shown, platforms))}" if platforms else "it has none"
+        has = f"it has {', '.join(map(sanitise, platforms))}" if platforms else "it has none"
         raise UnusableError(f"it has no library `{library}` for this platform; {has}. Ask for an FMU that has it.")
 
 
@@ -441,12 +441,13 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
             kind = "Integer" if v.type == "Enumeration" else v.type
             other = first.setdefault((v.size or kind, v.reference), v.array or v.name)
             if other != (v.array or v.name):
-                found = f"its variables `{shown(other)}` and `{shown(v.name)}` share the value reference {v.reference}"
+                a, b = sanitise(other), sanitise(v.name)
+                found = f"its variables `{a}` and `{b}` share the value reference {v.reference}"
                 raise UnusableError(f"{found}. Export it again.")
 
 
-def shortened(text: str) -> str:
-    """The beginning of a long text."""
+def shorten(text: str) -> str:
+    """Cut a long text to its beginning."""
     return text.rstrip(".") if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
@@ -467,15 +468,15 @@ def feedthrough(model: Any, variables: Mapping[str, Variable]) -> dict[str, froz
 # Model descriptions as XML: small mistakes of exporters are mended, references to nothing are refused.
 
 
-def mended(data: bytes) -> tuple[Element, bytes]:
-    """A model description, and its text with the variability that some exporters leave out where FMI asks for it.
+def mend_description(data: bytes) -> tuple[Element, bytes]:
+    """Parse a model description, and add the variability that some exporters leave out where FMI asks for it.
 
     Without one a variable of FMI 2.0 is continuous, which a parameter and a variable that is not Real cannot be.
     """
     root = fromstring(data)
     version = root.get("fmiVersion", "without a version")
     if version != "2.0" and not version.startswith("3.0"):
-        raise UnusableError(f"FMI {shown(version)} found, FMI 2.0 or 3.0 co-simulation expected. Export it as that.")
+        raise UnusableError(f"FMI {sanitise(version)} found, FMI 2.0 or 3.0 co-simulation expected. Export it as that.")
     found = []
     for variable in root.iterfind("ModelVariables/ScalarVariable"):
         is_parameter = variable.get("causality") in PARAMETERS
@@ -494,7 +495,7 @@ def refuse_dangling(root: Element) -> None:
     known = {str(k) for k in range(1, len(elements) + 1)} if is_old else {v.get("valueReference") for v in elements}
     for place, reference in references(root, "index" if is_old else "valueReference"):
         if (reference.lstrip("0") or "0") not in known:
-            found = f"its model structure refers to variable {shown(reference)} in `{place}`, which it does not have"
+            found = f"its model structure refers to variable {sanitise(reference)} in `{place}`, which it does not have"
             raise UnusableError(f"{found}. Export it again.")
 
 
@@ -534,8 +535,8 @@ def reader_version() -> str:
     return str(fmpy.__version__)
 
 
-def recalled(file: Path, path: Path) -> Description | None:
-    """Description that was kept, of an FMU at a path; None if there is none that is whole and by this user."""
+def recall_description(file: Path, path: Path) -> Description | None:
+    """Recall the description that was kept of an FMU at a path; None if none is whole and by this user."""
     with suppress(OSError):
         about, content = file.stat(), file.read_bytes()
         is_own = os.name != "posix" or (about.st_uid == os.geteuid() and not about.st_mode & 0o022)

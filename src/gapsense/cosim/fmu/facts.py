@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gapsense.cosim.fmu.archive import UnusableError, printable
-from gapsense.cosim.fmu.descriptions import NOT_MOVED, Variable, describe, opened, variable
+from gapsense.cosim.fmu.descriptions import NOT_MOVED, Variable, describe, open_model, variable
 from gapsense.problems import InputError, suggest
 from gapsense.tables import Value
 
@@ -67,7 +67,7 @@ def plain(name: str) -> str:
 def read_facts(path: Path) -> Facts:
     """Facts about an FMU file; an InputError if it is no FMU at all."""
     try:
-        model, known, rules, _ = opened(path)
+        model, known, rules, _ = open_model(path)
     except UnusableError as error:
         raise InputError([f"{path}: {error}"]) from error
     try:
@@ -84,7 +84,7 @@ def read_facts(path: Path) -> Facts:
     }
     return Facts(
         name=printable(model.modelName or path.stem),
-        description=told(model.description),
+        description=put_on_one_line(model.description),
         origin=origin(model),
         groups={title: lines for title, lines in groups.items() if lines},
         others=sum(v.causality not in (*GROUPS, "independent") for v in model.modelVariables),
@@ -111,9 +111,9 @@ def line(v: Any, moved: Variable | None, choices: tuple[str, ...]) -> Line:
     return Line(
         name=printable(v.name),
         unit=printable((found or v).unit or ""),
-        start=start_of(found) if found else shortened(v.start),
+        start=start_of(found) if found else shorten(v.start),
         range=range_of(found, choices) if found else f"{v.type}{f', array of {size}' if size else ''}",
-        description=told(v.description),
+        description=put_on_one_line(v.description),
     )
 
 
@@ -123,7 +123,7 @@ def start_of(of: Variable) -> str:
     if value is None:
         return ""
     item = next((name for name, k in of.items.items() if k == value), None)
-    return written(value if item is None else item)
+    return format_value(value if item is None else item)
 
 
 def range_of(of: Variable, choices: tuple[str, ...]) -> str:
@@ -131,29 +131,29 @@ def range_of(of: Variable, choices: tuple[str, ...]) -> str:
     if choices or of.items:
         return ", ".join(map(printable, choices or of.items))
     if of.min is not None and of.max is not None:
-        return f"{written(of.min)} to {written(of.max)}"
+        return f"{format_value(of.min)} to {format_value(of.max)}"
     if of.min is not None:
-        return f"from {written(of.min)}"
+        return f"from {format_value(of.min)}"
     if of.max is not None:
-        return f"to {written(of.max)}"
+        return f"to {format_value(of.max)}"
     return "" if of.type == "Real" else of.type
 
 
-def written(value: Value) -> str:
-    """A value as text, short."""
+def format_value(value: Value) -> str:
+    """Write a value as short text."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return shortened(f'"{value}"')
+        return shorten(f'"{value}"')
     return f"{value:.10g}" if isinstance(value, float) else str(value)
 
 
-def shortened(value: object) -> str:
-    """The beginning of a text."""
+def shorten(value: object) -> str:
+    """Cut a text to its beginning, and make it printable."""
     text = printable(str(value)) if value is not None else ""
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
-def told(text: str | None) -> str:
-    """A description in one line."""
+def put_on_one_line(text: str | None) -> str:
+    """Put a description on one line."""
     return printable(" ".join((text or "").split()))

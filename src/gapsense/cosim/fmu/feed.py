@@ -11,7 +11,7 @@ import numpy as np
 
 from gapsense.cosim.check import value_problem
 from gapsense.cosim.fmu.descriptions import describe
-from gapsense.cosim.fmu.instance import instance_of, unpacked
+from gapsense.cosim.fmu.instance import instance_of, unpack_fmu
 from gapsense.cosim.run.loop.compiled import advancer
 from gapsense.cosim.run.part import Layout, Part, Player, Work
 from gapsense.cosim.run.recording import Recording, new_marks
@@ -43,7 +43,7 @@ def feed(
     layout = Layout(ports({name: description}))
     samples = np.column_stack(list(inputs.values()))
     with ExitStack() as stack:
-        instance = instance_of(name, description, unpacked(description))
+        instance = instance_of(name, description, unpack_fmu(description))
         stack.callback(instance.close)
         instance.initialize(values, start, start + (len(samples) - 1) * step)
         buffer = array("d", [float(variable.start or 0.0) for variable in layout.variables.values()])

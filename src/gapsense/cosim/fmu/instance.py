@@ -144,8 +144,8 @@ def load(folder: Path, fmi: int, identifier: str) -> ctypes.CDLL:
     return ctypes.CDLL(str(file))
 
 
-def made(library: ctypes.CDLL, function: str, kept: object, *arguments: Any) -> Loaded:
-    """An instance, from the function that makes it; `kept` are its callbacks."""
+def call_instantiate(library: ctypes.CDLL, function: str, kept: object, *arguments: Any) -> Loaded:
+    """Make an instance by the function of the library that does so; `kept` are its callbacks."""
     make = library[function]
     make.restype = c_void_p
     component = make(*arguments)
@@ -160,7 +160,7 @@ def instance_2(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Ca
     allocate, free = (ctypes.cast(function, c_void_p) for function in (standard.calloc, standard.free))
     callbacks = Callbacks(logger=Logger2(log), allocate=allocate, free=free)
     texts = name.encode(), c_int(CO_SIMULATION), guid.encode(), (folder / "resources").as_uri().encode()
-    return made(library, "fmi2Instantiate", callbacks, *texts, ctypes.byref(callbacks), c_int(0), c_int(1))
+    return call_instantiate(library, "fmi2Instantiate", callbacks, *texts, ctypes.byref(callbacks), c_int(0), c_int(1))
 
 
 def instance_3(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Loaded:
@@ -168,7 +168,7 @@ def instance_3(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Ca
     logger, no, none = Logger3(log), c_bool(False), c_void_p()
     texts = name.encode(), guid.encode(), os.path.join(folder, "resources", "").encode()  # noqa: PTH118  # ends in `/`
     options = (no, c_bool(True), no, no, none, c_size_t(0), none)
-    return made(library, "fmi3InstantiateCoSimulation", logger, *texts, *options, logger, none)
+    return call_instantiate(library, "fmi3InstantiateCoSimulation", logger, *texts, *options, logger, none)
 
 
 class Instance:
@@ -178,7 +178,7 @@ class Instance:
     """
 
     needed: tuple[str, ...] = NEEDED
-    made, escape = staticmethod(instance_2), "%%"
+    make, escape = staticmethod(instance_2), "%%"
     is_near = True  # in this process, so that C may call it
     last = math.nan  # time that the last step has reached [s], where one was told
     failed, status = "", 0  # the entry point that failed last, and what it returned
@@ -191,16 +191,16 @@ class Instance:
         self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
-                self.loaded = self.instantiated(folder)
+                self.loaded = self.instantiate(folder)
         except (OSError, AttributeError) as error:  # AttributeError: the library lacks a function
             raise self.error(f"cannot be instantiated: {error}{self.said()}.") from error
         self.pointer = ctypes.c_void_p(self.loaded.component)
 
-    def instantiated(self, folder: Path) -> Loaded:
-        """The instance in its library, which has what every run needs."""
+    def instantiate(self, folder: Path) -> Loaded:
+        """Make the instance in its library, which has what every run needs."""
         library = load(folder, self.description.fmi, self.description.identifier)
         self.entries = {name: library[self.entry(name)] for name in self.needed}
-        return self.made(library, self.name, self.description.guid, folder, collector(self.messages, self.escape))
+        return self.make(library, self.name, self.description.guid, folder, collector(self.messages, self.escape))
 
     @property
     def has_only_reals(self) -> bool:
@@ -328,12 +328,12 @@ class Instance:
         def do(start: float) -> int:
             time.value = start
             status = entry(pointer, time, step, keep)
-            return status if status != DISCARD else self.judged(status, start, duration)
+            return status if status != DISCARD else self.judge_step(status, start, duration)
 
         return do
 
-    def judged(self, status: int, start: float, duration: float) -> int:
-        """The status of a step, or that it was the orderly end of the component, which FMI 2.0 tells when asked.
+    def judge_step(self, status: int, start: float, duration: float) -> int:
+        """Judge the status of a step; FMI 2.0 tells when asked that it was the orderly end of the component.
 
         pythonfmu says the same of every step that its component has refused: with words of that, nothing was done.
         """
@@ -341,17 +341,17 @@ class Instance:
             return status
         said, last = list(self.messages), ctypes.c_double(math.nan)
         has_refused = bool(said) and said[-1].status in (DISCARD, ERROR)
-        ends = self.told("fmi2GetBooleanStatus", TERMINATED, ctypes.c_int(0))
-        is_told = ends and self.told("fmi2GetRealStatus", LAST_TIME, last)
+        ends = self.read_status("fmi2GetBooleanStatus", TERMINATED, ctypes.c_int(0))
+        is_told = ends and self.read_status("fmi2GetRealStatus", LAST_TIME, last)
         self.messages.clear()  # of words about these questions
         self.messages.extend(said)
         self.last = last.value if is_told else start + duration
         if not ends or (has_refused and self.last <= start):
             return status
-        return reached(start, duration, self.last, ends=True, early=False)
+        return judge_time(start, duration, self.last, ends=True, early=False)
 
-    def told(self, function: str, kind: int, value: Any) -> bool:
-        """True if the FMU tells this kind of status, in `value`, and that is not 0 for `no`."""
+    def read_status(self, function: str, kind: int, value: Any) -> bool:
+        """Read a kind of status into `value`; False if the FMU does not tell it, or if it is 0 for `no`."""
         try:
             status = self.function(function)(self.pointer, ctypes.c_int(kind), ctypes.byref(value))
         except FmuError:  # a library without this function
@@ -401,8 +401,8 @@ class Instance:
             self.loaded.free(self.entry("fmi2FreeInstance"))
 
 
-def reached(start: float, duration: float, last: float, *, ends: bool, early: bool) -> int:
-    """What the time means that a step has reached, as a status; that of an FMU is told with some rounding."""
+def judge_time(start: float, duration: float, last: float, *, ends: bool, early: bool) -> int:
+    """Judge the time that a step has reached, as a status; that of an FMU is told with some rounding."""
     end = start + duration
     slack = 1e-2 * duration + 1e-15 * abs(end)
     if not start - slack <= last <= end + slack:
@@ -459,7 +459,7 @@ class Instance3(Instance):
     """An FMU of FMI 3.0, without event mode, early return and clocks."""
 
     needed = tuple(name for name in NEEDED if name != "fmi2SetupExperiment")
-    made, escape = staticmethod(instance_3), "%"
+    make, escape = staticmethod(instance_3), "%"
 
     def entry(self, function: str) -> str:
         """Name that FMI 3.0 has for an entry point or a status of FMI 2.0."""
@@ -500,12 +500,14 @@ class Instance3(Instance):
             event.value = ends.value = early.value = False
             status = entry(pointer, time, step, keep, *answers)
             self.last = last.value
-            end = reached(start, duration, last.value, ends=ends.value, early=early.value) if status <= WARNING else 0
+            end = (
+                judge_time(start, duration, last.value, ends=ends.value, early=early.value) if status <= WARNING else 0
+            )
             return end or status
 
         return do
 
-    def judged(self, status: int, start: float, duration: float) -> int:
+    def judge_step(self, status: int, start: float, duration: float) -> int:
         """The status of a step, which says it all."""
         return status
 
@@ -515,8 +517,8 @@ class Instance3(Instance):
 # Libraries of Python FMUs stay in memory for ever, so what is unpacked anew for each run costs memory for each run.
 
 
-def unpacked(description: Description) -> Path:
-    """Folder with what a run needs of an FMU, until the process ends."""
+def unpack_fmu(description: Description) -> Path:
+    """Unpack what a run needs of an FMU into a folder, which stays until the process ends."""
     folder = home(os.getpid()) / description.sha256
     if not folder.is_dir():
         if sha256(description.path) != description.sha256:

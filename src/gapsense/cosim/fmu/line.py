@@ -106,7 +106,7 @@ class Line:
             if kind == "qemu":
                 self.emulate(place, firmware)
             else:
-                self.files = [serial(place) if kind == "serial" else connected(place).detach()]
+                self.files = [serial(place) if kind == "serial" else connect_to(place).detach()]
         except (OSError, ImportError, ValueError) as error:
             self.close()
             why = getattr(error, "strerror", None) or error
@@ -169,8 +169,8 @@ class Line:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def connected(place: str) -> socket.socket:
-    """A line to `host:port`."""
+def connect_to(place: str) -> socket.socket:
+    """Open a line to `host:port`."""
     host, _, port = place.rpartition(":")
     made = socket.create_connection((host.strip("[]"), int(port)), timeout=5.0)
     made.settimeout(None)
@@ -207,8 +207,8 @@ HEAD = struct.Struct("<BBHH")
 HELLO_SIZE = 28  # bytes
 
 
-def encoded(message: bytes) -> bytes:
-    """Without zeros, and a zero at the end: each run of others stands behind its length + 1."""
+def encode_cobs(message: bytes) -> bytes:
+    """Encode without zeros, with a zero at the end: each run of others stands behind its length + 1."""
     made = bytearray()
     for run in message.split(b"\0"):
         while len(run) >= 254:
@@ -218,8 +218,8 @@ def encoded(message: bytes) -> bytes:
     return bytes(made) + b"\0"
 
 
-def decoded(frame: bytes) -> bytes | None:
-    """The message of what came before a zero; None if it is damaged."""
+def decode_cobs(frame: bytes) -> bytes | None:
+    """Decode what came before a zero; None if it is damaged."""
     made, at, size = bytearray(), 0, len(frame)
     while at < size:
         code = frame[at]
@@ -230,14 +230,14 @@ def decoded(frame: bytes) -> bytes | None:
     return bytes(made) if at == size else None
 
 
-def packed(first: int, component: int, sequence: int, data: bytes) -> bytes:
-    """A message with its sum."""
+def pack_message(first: int, component: int, sequence: int, data: bytes) -> bytes:
+    """Put together a message with its sum."""
     message = HEAD.pack(first, component, sequence, len(data)) + data
     return message + struct.pack("<I", crc32(message))
 
 
-def unpacked(message: bytes | None) -> tuple[int, int, bytes] | None:
-    """What stands first, the sequence and the data; None if it is damaged."""
+def unpack_message(message: bytes | None) -> tuple[int, int, bytes] | None:
+    """Return what stands first, the sequence and the data; None if the message is damaged."""
     if message is None or len(message) < HEAD.size + 4:
         return None
     first, _, sequence, size = HEAD.unpack_from(message)
@@ -278,7 +278,7 @@ class Link:
         """The data of the answer; a BoardError if there is none, or if it is no."""
         self.sequence, self.is_lost = (self.sequence + 1) & 0xFFFF, True
         self.troubles.clear()
-        message = encoded(packed(what, component, self.sequence, data))
+        message = encode_cobs(pack_message(what, component, self.sequence, data))
         for wait in self.waits:
             self.line.write(message)
             answer = self.answer(wait)
@@ -298,7 +298,7 @@ class Link:
         while True:
             frame, end, rest = self.came.lstrip(b"\0").partition(b"\0")
             if end:
-                self.came, found = rest, unpacked(decoded(frame))
+                self.came, found = rest, unpack_message(decode_cobs(frame))
                 if found is None or found[0] == DAMAGED:
                     self.troubles.append("answer damaged" if found is None else "request damaged")
                     return None

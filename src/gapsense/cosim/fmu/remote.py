@@ -88,8 +88,8 @@ class RemoteInstance(Instance):
         self.messages.extend(Message(*message) for message in said)
         return status, answer
 
-    def wanted(self, verb: str, arguments: Any = None) -> Any:
-        """The answer to a request that has to succeed."""
+    def require(self, verb: str, arguments: Any = None) -> Any:
+        """Return the answer to a request that has to succeed."""
         status, answer = self.request(verb, arguments)
         if status > WARNING:
             raise self.failure(verb, status)
@@ -157,23 +157,23 @@ class RemoteInstance(Instance):
         if self.is_used:
             self.messages.clear()
         self.is_used, self.is_set = True, False
-        self.wanted("initialize", [dict(values), start, stop])
+        self.require("initialize", [dict(values), start, stop])
 
     def state(self) -> bytes:
         """All that the instance remembers."""
-        return b64decode(self.wanted("state"))
+        return b64decode(self.require("state"))
 
     def restore(self, saved: bytes) -> None:
         """Remember what another instance of the same FMU did."""
-        self.wanted("restore", b64encode(saved).decode())
+        self.require("restore", b64encode(saved).decode())
 
     def hold(self, name: str) -> None:
         """Keep the state as it is now under a name, for `back`."""
-        self.wanted("hold", [name])
+        self.require("hold", [name])
 
     def back(self, name: str) -> None:
         """Go back to the state that is held under this name."""
-        self.wanted("back", [name])
+        self.require("back", [name])
 
     def close(self) -> None:
         """Free the instance, and end its process."""

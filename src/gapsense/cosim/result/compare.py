@@ -26,13 +26,13 @@ BASELINE = "the baseline"
 UPDATE = "If the change is meant, update it: `gapsense baseline --write`."
 
 
-def selected(result: Result, baseline: Baseline) -> list[str]:
-    """Signals that the baseline covers."""
+def select_signals(result: Result, baseline: Baseline) -> list[str]:
+    """Select the signals that the baseline covers."""
     return list(result.signals) if baseline.signals is None else matching(baseline.signals, result.signals)
 
 
-def thinned(result: Result, baseline: Baseline) -> Result:
-    """The rows of a result that its baseline holds."""
+def thin_rows(result: Result, baseline: Baseline) -> Result:
+    """Select the rows of a result that its baseline holds."""
     n = baseline.decimation
     return replace(result, times=result.times[::n], signals={k: v[::n] for k, v in result.signals.items()})
 
@@ -48,11 +48,11 @@ def compare(result: Result, baseline: Baseline) -> Comparison:
         problem = f"baseline `{baseline.file.name}` cannot be read: {error} {UPDATE}"
         return Comparison((problem,))
     times = columns.pop("time", np.empty(0))
-    result = thinned(result, baseline)
+    result = thin_rows(result, baseline)
     problem = other_times(result, times)
     if problem:
         return Comparison((problem,))
-    names = selected(result, baseline)
+    names = select_signals(result, baseline)
     found = [difference(result, name, columns[name], baseline) for name in names if name in columns]
     return Comparison(tuple(other_signals(names, columns)), tuple(found))
 
@@ -142,7 +142,7 @@ class Difference:
         """Rows outside of the tolerance; NaN is outside of any."""
         failing: Rows = ~(self.error <= self.allowed)
         if failing.any():
-            failing &= ~moved(self.values, self.reference, self.allowed, self.rows)
+            failing &= ~find_moved_edges(self.values, self.reference, self.allowed, self.rows)
         return failing
 
     @cached_property
@@ -281,8 +281,8 @@ def envelope(values: Vector, rows: int) -> tuple[Vector, Vector]:
     return windows.min(axis=1), windows.max(axis=1)
 
 
-def moved(values: Vector, reference: Vector, allowed: float, rows: int) -> Rows:
-    """Rows that differ by no more than an edge that came earlier or later.
+def find_moved_edges(values: Vector, reference: Vector, allowed: float, rows: int) -> Rows:
+    """Find rows that differ by no more than an edge that came earlier or later.
 
     They are near an edge; the value lies between what the reference has up to so many rows away, and the reference
     between what the values have there: so a pulse that is missing, or one too many, is no edge that has moved.
@@ -292,13 +292,13 @@ def moved(values: Vector, reference: Vector, allowed: float, rows: int) -> Rows:
     near = near_edges(values, rows) | near_edges(reference, rows)
     return (
         near
-        & between(values, *envelope(reference, rows), allowed)
-        & between(reference, *envelope(values, rows), allowed)
+        & is_between(values, *envelope(reference, rows), allowed)
+        & is_between(reference, *envelope(values, rows), allowed)
     )
 
 
-def between(values: Vector, low: Vector, high: Vector, allowed: float) -> Rows:
-    """Rows at which a signal lies between two others, but for what is allowed; nothing lies between NaN."""
+def is_between(values: Vector, low: Vector, high: Vector, allowed: float) -> Rows:
+    """Tell rows at which a signal lies between two others, but for what is allowed; nothing lies between NaN."""
     inside: Rows = (values >= low - allowed) & (values <= high + allowed)
     return inside
 
@@ -409,8 +409,8 @@ def common(times: Vector, other: Vector, after: float, before: float) -> Vector:
     return chosen
 
 
-def sampled(times: Vector, values: Vector, at: Vector) -> Vector:
-    """A signal at some times: its row where there is one, else between two rows.
+def resample(times: Vector, values: Vector, at: Vector) -> Vector:
+    """Resample a signal at some times: its row where there is one, else between two rows.
 
     There it is on a straight line, or, if all its values are whole numbers as modes and switches have, what the
     row before has.

@@ -18,7 +18,7 @@ from gapsense.cosim.result.compare import (
     are_same,
     common,
     reach,
-    sampled,
+    resample,
     spacing,
     step_of,
     tolerance_of,
@@ -50,8 +50,8 @@ class Window:
     before: float = math.inf
 
 
-def paired(result: Path, reference: Path) -> Iterator[tuple[Path, Path]]:
-    """The two files, or those of two folders that have one name; an InputError tells what only one folder has."""
+def pair_files(result: Path, reference: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield the two files, or those of two folders with one name; an InputError tells what only one folder has."""
     if wrong := [found for path in (result, reference) if (found := other_kind(path, RESULT))]:
         raise InputError(wrong)
     if result.is_dir() != reference.is_dir():
@@ -181,7 +181,7 @@ def difference(result: Trajectories, reference: Trajectories, name: str, times: 
     unit = next((a.unit for a in about if a.unit), "")
     tolerance = tolerance_of(name, how)
     step = max((step_of(name, t.run) for t in (result, reference) if t.run), default=0.0)
-    values, expected = (sampled(t.times, t.signals[name], times) for t in (result, reference))
+    values, expected = (resample(t.times, t.signals[name], times) for t in (result, reference))
     rows = reach(tolerance.edge_steps, step, times)
     return Difference(
         name=name,

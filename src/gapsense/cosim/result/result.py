@@ -270,7 +270,7 @@ def measure_all(metrics: Iterable[Metric], result: Result) -> dict[str, Measured
     """All metrics of a result by name."""
     samples, units = finder(result), result.units
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite or no number is outside of any bounds
-        return {metric.name: measured(metric, result, samples(metric), units) for metric in metrics}
+        return {metric.name: measure_metric(metric, result, samples(metric), units) for metric in metrics}
 
 
 def finder(result: Result) -> Callable[[Metric], Samples]:
@@ -280,13 +280,13 @@ def finder(result: Result) -> Callable[[Metric], Samples]:
     """
 
     @cache
-    def stepped(component: str) -> Rows:
+    def find_steps(component: str) -> Rows:
         return np.flatnonzero(result.stepped(component))
 
     @cache
     def inside(component: str, where: str | None, time: str | None, window: Window) -> Samples:
         """Rows at which a component has stepped, `where` is not 0, and the time lies in the window."""
-        rows = stepped(component)
+        rows = find_steps(component)
         if where is not None:
             rows = rows[result[where][rows] != 0.0]
         times = result.times[rows] if time is None else result[time][rows]
@@ -304,8 +304,8 @@ def window(metric: Metric, result: Result) -> Window:
     return begin + (metric.after or 0.0), None if metric.before is None else begin + metric.before
 
 
-def measured(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
-    """One metric over its samples."""
+def measure_metric(metric: Metric, result: Result, samples: Samples, units: Mapping[str, str]) -> Measured:
+    """Measure one metric over its samples."""
     kind, signal, other = KINDS[metric.kind], result[metric.signal][samples.rows], reference(metric, result, samples)
     arguments: tuple[Vector | float, ...] = (signal, other) if kind.reference == "axis" else (signal - other,)
     if kind.takes_flows:

@@ -95,12 +95,12 @@ def own_file(
     if not source.is_file():
         raise InputError([missing(source)])
     source = source.resolve()
-    name = "_".join(filter(None, (source.parent.name, variant, *named(settings))))
+    name = "_".join(filter(None, (source.parent.name, variant, *name_parts(settings))))
     return folder / f"{name}{ending}", relative(str(source), folder)
 
 
-def named(settings: Sequence[str]) -> list[str]:
-    """Settings as parts of a file name, or one hash of them where their texts are none."""
+def name_parts(settings: Sequence[str]) -> list[str]:
+    """Make parts of a file name from settings, or one hash of them where their texts are none."""
     plain = [re.sub(r"\s", "", setting) for setting in settings]
     if all(map(PLAIN.fullmatch, plain)) and sum(map(len, plain)) <= LONGEST:
         return plain

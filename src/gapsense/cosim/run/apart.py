@@ -59,7 +59,7 @@ def tell(sentence: str) -> None:
     print(sentence, file=sys.stderr, flush=True)
 
 
-class Watch(NamedTuple):
+class Listeners(NamedTuple):
     """Who is told of a run: `progress` base steps done and in all, `notice` what a Ctrl-C waits for.
 
     What is needed when the run has ended can be prepared `meanwhile`.
@@ -70,7 +70,7 @@ class Watch(NamedTuple):
     meanwhile: Callable[[], object] = lambda: None
 
 
-def record_apart(plan: Plan, watch: Watch) -> Recording:
+def record_apart(plan: Plan, watch: Listeners) -> Recording:
     """One run of a scenario in a process of its own; after a failure, that is the recording's `error`.
 
     The first Ctrl-C lets the step end, the second one ends the process.  Nothing is raised for either unless there is
@@ -79,7 +79,7 @@ def record_apart(plan: Plan, watch: Watch) -> Recording:
     with counted() as interrupts:
         process = new_process(limit=limit_of(plan.scenario))
         try:
-            recording = Run(process, plan, watch, interrupts).recording()
+            recording = Supervisor(process, plan, watch, interrupts).recording()
         finally:
             process.close()
     if recording.interrupted and not recording.rows:
@@ -97,13 +97,13 @@ def limit_of(scenario: Scenario) -> float:
     return experiment.step_limit + has_own + (experiment.base_step / experiment.pace if experiment.pace else 0.0)
 
 
-class Run:
-    """The run, as the process sees it that waits for it."""
+class Supervisor:
+    """One run, as the process sees it that waits for it."""
 
-    def __init__(self, process: Process, plan: Plan, watch: Watch, interrupts: Callable[[], int]) -> None:
+    def __init__(self, process: Process, plan: Plan, watch: Listeners, interrupts: Callable[[], int]) -> None:
         self.process, self.plan, self.watch, self.interrupts = process, plan, watch, interrupts
         self.folder, self.marks = process.folder, process.marks
-        self.data = shared(self.folder / "rows", shape(plan.scenario, plan.take.columns), is_new=True)
+        self.data = share_rows(self.folder / "rows", shape(plan.scenario, plan.take.columns), is_new=True)
         self.order = order_of(plan.scenario, plan.descriptions).names
         (self.folder / "plan").write_bytes(pickle.dumps(plan))
         self.answers: Queue[Answer] = Queue()
@@ -179,8 +179,8 @@ class Run:
         return recording
 
 
-def shared(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArray[np.float64]:
-    """Rows in a file that two processes share; a new one gets all its room at once, or is refused."""
+def share_rows(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArray[np.float64]:
+    """Map rows in a file that two processes share; a new one gets all its room at once, or is refused."""
     octets = max(8, 8 * size[0] * size[1])
     if is_new:
         with file.open("wb") as made:
@@ -190,7 +190,7 @@ def shared(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArr
                 except OSError as error:
                     raise OSError(error.errno, f"{error.strerror} for {octets / 1e6:.0f} MB", str(file)) from None
             made.truncate(octets)
-    return opened(file, size)
+    return map_rows(file, size)
 
 
 # The process in which a run is done apart, seen from inside.
@@ -221,7 +221,7 @@ def prepare(folder: str) -> Callable[[Any], dict[str, Any]]:
 def record(plan: Plan, folder: Path) -> Recording:
     """The run; its FMUs are freed when this process ends, and may crash then without harm."""
     marks, size = own_marks(), shape(plan.scenario, plan.take.columns)
-    recording = Recording(opened(folder / "rows", size))
+    recording = Recording(map_rows(folder / "rows", size))
     from gapsense.cosim.run.master import Master  # here, so that the process that waits starts fast
 
     try:
@@ -249,8 +249,8 @@ def noting(file: Path, master: Master, recording: Recording) -> Progress:
     return note
 
 
-def opened(file: Path, size: tuple[int, int]) -> npt.NDArray[np.float64]:
-    """Rows in a file, which is changed with them."""
+def map_rows(file: Path, size: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """Map rows in a file, which is changed with them."""
     with file.open("r+b") as handle:
         memory = mmap.mmap(handle.fileno(), 0)
     return np.frombuffer(memory, count=size[0] * size[1]).reshape(size)

@@ -22,8 +22,8 @@ CAUTION, GROWTH, SHORTER = 0.9, 2.0, 0.1  # of what the error allows; at most an
 NEW = {"next": 1, "done": 0, "rejected": 0, "shortest": 0, "longest": 0, "beyond": 0, "worst": 0.0, "at": 0, "of": ""}
 
 
-def controlled(work: Work, record: Callable[[int], None], solver: Solver | None = None) -> Advance:
-    """Function that does steps until a base step is reached or passed; the last one done."""
+def make_controlled(work: Work, record: Callable[[int], None], solver: Solver | None = None) -> Advance:
+    """Make the function that does steps until a base step is reached or passed; it returns the last one done."""
     control, done = Control(work, solver), work.begin - 1
 
     def advance(until: int) -> int:

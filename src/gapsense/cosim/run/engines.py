@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from gapsense.cosim.check import find_fmus, prepare
 from gapsense.cosim.result.result import Result
 from gapsense.cosim.run.ahead import ENGINES, FMU, NATIVE, VECTORS, likely_vectors
-from gapsense.cosim.run.recording import Recording, Subject, Take, finished
+from gapsense.cosim.run.recording import Recording, Subject, Take, finish_recording
 from gapsense.cosim.scenario.read import Source, scenario_file
 from gapsense.problems import ScenarioError, suggest
 from gapsense.shipped import NATIVE_FOLDER
@@ -50,12 +50,12 @@ def run_as_vectors(scenario: Source, variant: str | None, fmus: str | Path | Non
     if not likely_vectors(engine):
         return None
     subject = Subject(*prepare(scenario, variant, fmus))
-    take, vectors = subject.taken(), vectors_for(subject, engine)
+    take, vectors = subject.make_take(), vectors_for(subject, engine)
     _, recording = next(vectors.record([take])) if vectors else (0, None)
     return result_of(subject, take, recording) if recording else None
 
 
 def result_of(subject: Subject, take: Take, recording: Recording) -> Result:
     """Result of what vectors recorded, which says so."""
-    result = finished(subject, take, recording)
+    result = finish_recording(subject, take, recording)
     return replace(result, run=replace(result.run, versions={**result.run.versions, "loop": VECTORS}))

@@ -21,7 +21,16 @@ import numpy.typing as npt
 from gapsense._os.processes import Marks
 from gapsense.cosim.run.part import Effect, Layout, Part, Stage
 from gapsense.cosim.run.recording import COMPONENT, MASTER
-from gapsense.cosim.scenario.records import Buffer, Component, Event, Experiment, Watch, index_of, reporter, steps_of
+from gapsense.cosim.scenario.records import (
+    Buffer,
+    Component,
+    Event,
+    Experiment,
+    Threshold,
+    index_of,
+    reporter,
+    steps_of,
+)
 from gapsense.problems import FmuError, listing
 from gapsense.tables import Value
 
@@ -49,7 +58,7 @@ class Actor:
     """
 
     def __init__(
-        self, event: Event, experiment: Experiment, component: Component, lead: int, watch: Watch | None, seed: int
+        self, event: Event, experiment: Experiment, component: Component, lead: int, watch: Threshold | None, seed: int
     ) -> None:
         self.watch = watch
         self.event, self.lead, self.step, self.offset = event, lead, component.step, component.offset
@@ -305,16 +314,16 @@ class Director:
         self.happened[:], self.limit = saved["happened"], saved["limit"]
 
 
-def explained(error: FmuError, events: Sequence[str]) -> FmuError:
-    """The error of a component, with the events that gave it NaN just then."""
+def explain_error(error: FmuError, events: Sequence[str]) -> FmuError:
+    """Add to the error of a component the events that gave it NaN just then."""
     told = f"Event {listing(events)} gives it NaN. If it does not accept NaN, use `stuck`."
     return error.adding(told) if events else error
 
 
-def watch(event: Event, places: Layout) -> Watch | None:
+def watch(event: Event, places: Layout) -> Threshold | None:
     """What the loop is to look at for an event."""
     when = event.when
-    return None if when is None else Watch(places.index[when.signal], when.level, when.is_above)
+    return None if when is None else Threshold(places.index[when.signal], when.level, when.is_above)
 
 
 class Tuned:

@@ -49,13 +49,13 @@ class Secants:
         self.known = self.known if len(self.known) < len(dr) else []
         new = dr
         for old in self.known:
-            new = added(new, old, -dot(old, new) / dot(old, old))
+            new = add_scaled(new, old, -dot(old, new) / dot(old, old))
         if dot(new, new) <= PARALLEL * dot(dr, dr):
             self.known, new = [], dr
         size = dot(new, new)
         if size > 0.0 and isfinite(size):
             self.known.append(new)
-            self.inverse[:] = [added(row, new, (d - dot(row, dr)) / size) for row, d in zip(self.inverse, dx)]
+            self.inverse[:] = [add_scaled(row, new, (d - dot(row, dr)) / size) for row, d in zip(self.inverse, dx)]
 
 
 def dot(a: Vector, b: Vector) -> float:
@@ -66,8 +66,8 @@ def dot(a: Vector, b: Vector) -> float:
     return total
 
 
-def added(a: Vector, b: Vector, factor: float) -> Vector:
-    """`a + factor * b`."""
+def add_scaled(a: Vector, b: Vector, factor: float) -> Vector:
+    """Return `a + factor * b`."""
     return [x + factor * y for x, y in zip(a, b)]
 
 
@@ -76,8 +76,8 @@ def identity(n: int, value: float) -> Matrix:
     return [[value * (i == j) for j in range(n)] for i in range(n)]
 
 
-def inverted(columns: Matrix) -> Matrix | None:
-    """Inverse of a matrix that is given by its columns, by elimination with pivots; None if it has none."""
+def invert_matrix(columns: Matrix) -> Matrix | None:
+    """Invert a matrix that is given by its columns, by elimination with pivots; None if it has no inverse."""
     n = len(columns)
     rows = [[*(column[i] for column in columns), *one] for i, one in enumerate(identity(n, 1.0))]
     for k in range(n):
@@ -86,7 +86,7 @@ def inverted(columns: Matrix) -> Matrix | None:
         if not (rows[k][k] and isfinite(rows[k][k])):
             return None
         rows[k] = [value / rows[k][k] for value in rows[k]]
-        rows = [row if i == k else added(row, rows[k], -row[k]) for i, row in enumerate(rows)]
+        rows = [row if i == k else add_scaled(row, rows[k], -row[k]) for i, row in enumerate(rows)]
     return [row[n:] for row in rows]
 
 
@@ -153,11 +153,11 @@ class Sweep:
         try:
             self.search(act)
         except Spent:
-            return self.unsolved()
+            return self.describe_failure()
         except FmuError as error:
             if not self.best[1]:
                 raise
-            raise error.adding(f"It fails in a trial: {self.unsolved()}") from error
+            raise error.adding(f"It fails in a trial: {self.describe_failure()}") from error
         return ""
 
     def search(self, act: Act) -> None:
@@ -181,11 +181,11 @@ class Sweep:
                 self.differ(x, r, act)
                 secants, since = Secants(self.inverse), 0
             dx = [-dot(row, r) for row in secants.inverse]  # that should make r zero
-            ends = enclosed(points) if tries and n == 1 else []
+            ends = bracket_solution(points) if tries and n == 1 else []
             if ends and (since % THIRD == THIRD - 1 or not ends[0] < x[0] + dx[0] * self.nominals[0] < ends[1]):
                 dx = [(0.5 * sum(ends) - x[0]) / self.nominals[0]]
             new, found = self.step(x, r, dx, tries % 2 > 0 and not ends, act)
-            secants.learn([(b - a) / one for a, b, one in zip(x, new, self.nominals)], added(found, r, -1.0))
+            secants.learn([(b - a) / one for a, b, one in zip(x, new, self.nominals)], add_scaled(found, r, -1.0))
             x, r, since = new, found, since + 1
             self.best = min(self.best, (size(r), x, r))
             points.append((x, r))
@@ -211,10 +211,10 @@ class Sweep:
             change = CHANGE * max(1.0, abs(value / one))
             found = self.evaluate([v + one * change * (i == j) for i, v in enumerate(x)], act)
             columns.append([(a - b) / change for a, b in zip(found, r)])
-        self.inverse[:] = inverted(columns) or identity(len(x), -1.0)
+        self.inverse[:] = invert_matrix(columns) or identity(len(x), -1.0)
 
-    def unsolved(self) -> str:
-        """That the loop was not solved, with the residuals at the best point, the largest first."""
+    def describe_failure(self) -> str:
+        """Say that the loop was not solved, with the residuals at the best point, the largest first."""
         off = sorted(zip(self.unknowns, *self.best[1:], self.nominals), key=lambda one: -abs(one[2]))
         said = [
             f"`{self.ports[place]}` = {value:.9g} comes back as {value + own * one:.9g}{self.unit(place)}, off by "
@@ -240,8 +240,8 @@ def size(r: Vector) -> float:
     return max(map(abs, r), default=0.0)
 
 
-def enclosed(points: Sequence[tuple[Vector, Vector]]) -> Vector:
-    """Of one unknown, the neighbours of unlike sign of residual that are nearest to a solution; empty without any."""
+def bracket_solution(points: Sequence[tuple[Vector, Vector]]) -> Vector:
+    """Find, of one unknown, the neighbours of unlike sign of residual nearest to a solution; empty without any."""
     pairs = [(max(size(r), size(q)), *x, *y) for (x, r), (y, q) in pairwise(sorted(points)) if r[0] * q[0] < 0.0]
     return [*min(pairs)[1:]] if pairs else []
 

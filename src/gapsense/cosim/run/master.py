@@ -15,9 +15,9 @@ import numpy.typing as npt
 from gapsense._os.files import sha256
 from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
-from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpacked
+from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpack_fmu
 from gapsense.cosim.fmu.remote import RemoteInstance, RemoteInstance3
-from gapsense.cosim.run.events import Director, explained
+from gapsense.cosim.run.events import Director, explain_error
 from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer
 from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, place, player
@@ -72,14 +72,16 @@ class Master:
         self.marks: Marks = new_marks() if marks is None else marks
         self.order = self.subject.order
         delayed = self.order.delayed if scenario.experiment.method == ITERATIVE else ()
-        self.places = Layout(ports(descriptions), texts(descriptions), self.subject.resolved(scenario.events), delayed)
+        self.places = Layout(
+            ports(descriptions), texts(descriptions), self.subject.prepare_events(scenario.events), delayed
+        )
         self.loops = [tuple(map(self.order.names.index, loop)) for loop in self.order.loops]
         self.buffer = array("d", [0.0]) * self.places.size
         self.view = np.frombuffer(self.buffer)
         self.texts: Texts = {}
         self.parts: list[Part] = []
         self.links: dict[Any, Any] = {}  # to boards, by place and firmware
-        self.director = self.directed({}, {})
+        self.director = self.make_director({}, {})
         try:
             self.load()
         except BaseException:
@@ -116,8 +118,8 @@ class Master:
             return self.on_board(name, component, description)
         if component.isolation == "process":
             kind = RemoteInstance3 if description.fmi == 3 else RemoteInstance
-            return kind(name, description, unpacked(description), self.scenario.experiment.step_limit)
-        return instance_of(name, description, unpacked(description))
+            return kind(name, description, unpack_fmu(description), self.scenario.experiment.step_limit)
+        return instance_of(name, description, unpack_fmu(description))
 
     def on_board(self, name: str, component: Component, description: Description) -> Instance:
         """A component on its board, which others may share."""
@@ -132,7 +134,7 @@ class Master:
         read = {*self.subject.about, *(str(c.source) for c in self.scenario.connections)}
         wanted = {v.name for v in description.of("output") if f"{name}.{v.name}" in read}
         kind = OnBoard3 if description.fmi == 3 else OnBoard
-        return kind(name, description, unpacked(description), self.links[key], wanted, component.clock)
+        return kind(name, description, unpack_fmu(description), self.links[key], wanted, component.clock)
 
     def each(self, phase: int, items: Sequence[T]) -> Iterator[T]:
         """What there is of every component in execution order, with marks that say which one is touched, and why."""
@@ -203,11 +205,11 @@ class Master:
                 with suppress(FmuError) if part.ended else nullcontext():
                     part.instance.call("fmi2Terminate")
         except FmuError as error:
-            recording.error = explained(error, self.director.losing(error.instance))
+            recording.error = explain_error(error, self.director.losing(error.instance))
             self.abandon(error.instance)
         except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
             recording.interrupted = True
-        recording.wall, recording.begun = recording.clocked(), None
+        recording.wall, recording.begun = recording.measure_wall(), None
         recording.boards = {part.component.name: part.instance.facts() for part in self.parts if part.component.board}
         recording.messages += self.messages()
         return recording
@@ -230,7 +232,7 @@ class Master:
         events = varied_events(self.scenario.events, values, problems)
         if problems:
             raise FmuError("run", " ".join(problems))
-        self.director = self.directed(self.subject.resolved(events), seeds)
+        self.director = self.make_director(self.subject.prepare_events(events), seeds)
         played = {port.component for port in self.scenario.played}
         for part in self.each(STARTING, self.parts):
             component, part.ended = part.component, 0
@@ -253,8 +255,8 @@ class Master:
             part.instance.call("fmi2ExitInitializationMode")
             refuse(part, part.read_outputs(), experiment)
 
-    def directed(self, events: Mapping[str, Event], seeds: Mapping[str, int]) -> Director:
-        """Events with one target each, prepared for the initialization."""
+    def make_director(self, events: Mapping[str, Event], seeds: Mapping[str, int]) -> Director:
+        """Prepare events with one target each for the initialization."""
         return Director(
             events=events,
             experiment=self.scenario.experiment,
@@ -278,7 +280,7 @@ class Master:
         """Base step after base step, until the end or until told to stop; the recording is always up to date."""
         experiment, count = self.scenario.experiment, self.scenario.experiment.count
         recording.start(len(self.parts))
-        begin = self.restored(keeper, recording) if keeper else 0
+        begin = self.restore_parts(keeper, recording) if keeper else 0
         advance = self.advancer(recording, columns, begin)
         done = begin - 1 if begin else advance(0)
         change = self.director.limit if begin else self.director.turn(done)
@@ -313,8 +315,8 @@ class Master:
         arrays |= {f"state_{name}": np.frombuffer(state, np.uint8) for name, state in states.items()}
         keeper.write(facts, arrays)
 
-    def restored(self, keeper: Keeper, recording: Recording) -> int:
-        """Bring parts that have just been initialised to where a checkpoint was written; the base step to do next.
+    def restore_parts(self, keeper: Keeper, recording: Recording) -> int:
+        """Bring parts that were just initialised to where a checkpoint was written; return the base step to do next.
 
         That is 0, the start, if the run does not go on from a checkpoint.
         """

@@ -28,8 +28,8 @@ from gapsense.cosim.scenario.records import (
     Played,
     Port,
     Scenario,
+    Threshold,
     Vector,
-    Watch,
 )
 from gapsense.problems import FmuError
 from gapsense.tables import Value
@@ -124,7 +124,7 @@ class Layout:
         """Inputs or outputs of a component, in the order of the buffer."""
         return [p for p, v in self.variables.items() if p.component == component and v.causality == causality]
 
-    def spoken(self, component: str, causality: str) -> list[Port]:
+    def strings_of(self, component: str, causality: str) -> list[Port]:
         """String inputs or outputs of a component."""
         return [p for p, v in self.texts.items() if p.component == component and v.causality == causality]
 
@@ -258,7 +258,7 @@ class Part:
         self.ended = 0  # what its orderly end was, if it has ended
         name = component.name
         self.givers, self.readers = (
-            channels(instance, action, [*places.of(name, kind), *places.spoken(name, kind)], places, buffer)
+            channels(instance, action, [*places.of(name, kind), *places.strings_of(name, kind)], places, buffer)
             for action, kind in (("Set", "input"), ("Get", "output"))
         )
 
@@ -280,7 +280,7 @@ class Part:
     def connect(self, connections: Sequence[Connection]) -> None:
         """Let inputs follow outputs from now on."""
         self.wires = self.places.wires(connections, self.component.name)
-        own = self.places.spoken(self.component.name, "input")
+        own = self.places.strings_of(self.component.name, "input")
         late = self.places.earlier
         self.means = {c.target for c in connections if c.mean}
         self.spoken = [
@@ -303,7 +303,7 @@ class Part:
                     return self.unfit(problem)
                 status = channel.move()
                 if status > WARNING:
-                    return self.checked(status, channel.function)
+                    return self.check_status(status, channel.function)
             return ""
 
         return take
@@ -338,7 +338,7 @@ class Part:
             for move, empty, function in calls:
                 status = move()
                 if status > warning:
-                    return self.checked(status, function)
+                    return self.check_status(status, function)
                 problem = empty(buffer, texts)
                 if problem:
                     return problem if problem == NOT_FINITE else self.unfit(problem)
@@ -351,8 +351,8 @@ class Part:
         self.problem = problem
         return NOT_FITTING
 
-    def checked(self, status: int, function: str) -> str:
-        """Nothing for a good status; otherwise the function's name, and the status is kept for the message."""
+    def check_status(self, status: int, function: str) -> str:
+        """Return nothing for a good status, otherwise the function's name; the status is kept for the message."""
         self.status = status
         return function if status > WARNING else ""
 
@@ -366,7 +366,7 @@ class Part:
                 return failed
             status = do(start)
             if status and not self.has_stepped(status):
-                return self.checked(status, STEP)
+                return self.check_status(status, STEP)
             return read()
 
         return step
@@ -454,7 +454,7 @@ class Work(NamedTuple):
     recording: Recording  # has the seconds and calls of each part
     marks: Marks
     begin: int
-    watches: Sequence[Watch] = ()  # conditions of which news end a block
+    watches: Sequence[Threshold] = ()  # conditions of which news end a block
     loops: Sequence[Sequence[int]] = ()  # places among the parts of those that repeat each step together
     limit: Callable[[], int] = lambda: sys.maxsize  # the next base step after which events change
 

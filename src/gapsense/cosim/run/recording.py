@@ -33,7 +33,7 @@ from gapsense.cosim.scenario.records import (
     execution_order,
     ports,
     recorded_signals,
-    resolved,
+    resolve_targets,
 )
 from gapsense.problems import FmuError
 from gapsense.tables import Value
@@ -114,14 +114,14 @@ class Recording:
         for name in ("loops", "inverses", "inputs", "steps"):
             setattr(self, name, saved.get(name, {}))
 
-    def clocked(self) -> float:
-        """Wall time until now [s]."""
+    def measure_wall(self) -> float:
+        """Measure the wall time until now [s]."""
         return self.wall + (0.0 if self.begun is None else perf_counter() - self.begun)
 
     def facts(self) -> dict[str, Any]:
         """All but the data, as JSON takes it."""
         error = self.error and [self.error.instance, self.error.cause, self.error.time, self.error.step, self.error.log]
-        plain = asdict(replace(self, data=np.empty(0), error=None, wall=self.clocked(), begun=None))
+        plain = asdict(replace(self, data=np.empty(0), error=None, wall=self.measure_wall(), begun=None))
         return {**plain, "data": None, "error": error, "spread": self.spread.tolist()}
 
 
@@ -211,14 +211,16 @@ class Subject:
         """In which the components act."""
         return order_of(self.scenario, self.descriptions)
 
-    def resolved(self, events: Mapping[str, Event]) -> dict[str, Event]:
-        """Events with one target each, and with values as FMI takes them."""
+    def prepare_events(self, events: Mapping[str, Event]) -> dict[str, Event]:
+        """Prepare events with one target each, and with values as FMI takes them."""
 
-        def valued(event: Event) -> Event:
+        def convert_value(event: Event) -> Event:
             variable = self.descriptions[event.target.component].variables[event.target.variable]
             return event if event.value is None else replace(event, value=variable.number(event.value))
 
-        return {name: valued(event) for name, event in resolved(events, self.scenario.connections).items()}
+        return {
+            name: convert_value(event) for name, event in resolve_targets(events, self.scenario.connections).items()
+        }
 
     @cached_property
     def run(self) -> Run:
@@ -267,8 +269,8 @@ class Subject:
         """Hash of each file as it is now, and of what stands in none."""
         return {name: known_hash(file) for name, file in self.files.items()} | {**self.scenario.hashes}
 
-    def taken(self, seed_shift: int = 0, point: int | Mapping[Port, Value] | None = None) -> Take:
-        """What one run takes; a point of a sweep, or values of parameters."""
+    def make_take(self, seed_shift: int = 0, point: int | Mapping[Port, Value] | None = None) -> Take:
+        """Tell what one run takes; a point of a sweep, or values of parameters."""
         values = self.scenario.plan.point(point) if isinstance(point, int) else point or {}
         random = {
             event.seed_name: event.seed
@@ -285,9 +287,9 @@ def varied_events(
     """The events with the values that a sweep gives their keys; what is wrong with these is noted."""
     if not any(port.component == SECTION for port in values):
         return events
-    from gapsense.cosim.scenario.read import varied
+    from gapsense.cosim.scenario.read import vary_events
 
-    return varied(events, values, problems)
+    return vary_events(events, values, problems)
 
 
 def order_of(scenario: Scenario, descriptions: Descriptions) -> Order:
@@ -311,7 +313,7 @@ def versions() -> dict[str, str]:
 # From a recording to a result with its metrics.
 
 
-def finished(subject: Subject, take: Take, recording: Recording) -> Result:
+def finish_recording(subject: Subject, take: Take, recording: Recording) -> Result:
     """Result of a recording with its metrics; raises FmuError with the partial result if a component has failed."""
     from gapsense.cosim.result.result import measure_all
 

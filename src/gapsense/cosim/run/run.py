@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from gapsense._os.interrupts import counted
 from gapsense.cosim.check import prepare
 from gapsense.cosim.run.ahead import run_ahead
-from gapsense.cosim.run.apart import Plan, Watch, record_apart, tell
+from gapsense.cosim.run.apart import Listeners, Plan, record_apart, tell
 from gapsense.cosim.run.checkpoint import Checkpoint, Keeper, keeper
-from gapsense.cosim.run.recording import STOP, Subject, finished
+from gapsense.cosim.run.recording import STOP, Subject, finish_recording
 from gapsense.cosim.scenario.read import Source
 from gapsense.cosim.scenario.records import ISOLATIONS, Port, Scenario
 from gapsense.problems import suggest
@@ -78,7 +78,7 @@ def run(
     """
     with run_ahead() if isolation == "process" else nullcontext():
         read, descriptions = prepare(scenario, variant, fmus)
-        read = isolated(read, isolation, step_limit)
+        read = set_isolation(read, isolation, step_limit)
         return run_prepared(read, descriptions, seed_shift, progress, point, checkpoint, notice)
 
 
@@ -93,19 +93,19 @@ def run_prepared(
 ) -> Result:
     """Run a scenario that was read and checked, as `run` does."""
     subject = Subject(scenario, descriptions)
-    take = subject.taken(seed_shift, point)
+    take = subject.make_take(seed_shift, point)
     kept = keeper(checkpoint, scenario, descriptions, take) if checkpoint else None
     if scenario.experiment.isolation == "process":
-        watch = Watch(progress, notice, meanwhile=lambda: subject.run)
-        return finished(subject, take, record_apart(Plan(scenario, descriptions, take, kept), watch))
+        watch = Listeners(progress, notice, meanwhile=lambda: subject.run)
+        return finish_recording(subject, take, record_apart(Plan(scenario, descriptions, take, kept), watch))
     from gapsense.cosim.run.master import Master  # here: a run in another process does not need it
 
     with Master(scenario, descriptions) as master:
         return run_once(master, seed_shift, progress, point, kept)
 
 
-def isolated(scenario: Scenario, isolation: str | None, step_limit: float | None) -> Scenario:
-    """A scenario with another isolation and limit, where they are given."""
+def set_isolation(scenario: Scenario, isolation: str | None, step_limit: float | None) -> Scenario:
+    """Give a scenario another isolation and limit, where they are given."""
     experiment = scenario.experiment
     isolation, limit = isolation or experiment.isolation, step_limit or experiment.step_limit
     if isolation not in ISOLATIONS:
@@ -125,10 +125,10 @@ def run_once(
     A KeyboardInterrupt must not be raised inside a Python FMU, which runs in this very interpreter: the first Ctrl-C
     is asked for between steps.  After the second one whatever fails does so because of it.
     """
-    take = master.subject.taken(seed_shift, point)
+    take = master.subject.make_take(seed_shift, point)
     master.marks[STOP] = 0
     with counted(at_most=1, then=master.stop) as interrupts:
         recording = master.run(take.columns, take.seeds, progress, take.values, keeper=kept)
         if interrupts() > 1:
             recording.error, recording.interrupted = None, True
-    return finished(master.subject, take, recording)
+    return finish_recording(master.subject, take, recording)

@@ -66,7 +66,7 @@ class Turns:
     def loop(self, due: tuple[int, ...]) -> None:
         """Let parts of a loop step, which are due."""
         self.warned = {i: self.parts[i].warnings for i in due}
-        sweep = self.sweeps.get(due) or self.prepared(due)
+        sweep = self.sweeps.get(due) or self.prepare_sweep(due)
         if sweep.is_loop:
             self.cut(sweep)
         else:
@@ -84,8 +84,8 @@ class Turns:
         if self.parts[i].ended and self.stops:
             self.work.marks[STOP] = 1
 
-    def prepared(self, due: tuple[int, ...]) -> Sweep:
-        """The sweep of these parts, with the inverse that was kept of it."""
+    def prepare_sweep(self, due: tuple[int, ...]) -> Sweep:
+        """Prepare the sweep of these parts, with the inverse that was kept of it."""
         sweep = self.sweeps[due] = Sweep([self.parts[i] for i in due], self.work.experiment)
         sweep.inverse = self.work.recording.inverses.setdefault(sweep.names, sweep.inverse)
         self.in_c[sweep.names] = self.solver(self, sweep) if self.solver and sweep.is_loop else None
@@ -280,16 +280,16 @@ class Ramp:
         """Give the part its inputs at the beginning of the step, and their slopes; what failed, or nothing."""
         failed = self.give()
         self.set(self.new)
-        return failed or self.told()
+        return failed or self.tell_slopes()
 
     def go_on(self) -> str:
         """Give the part the slopes of the inputs that it has; what failed, or nothing."""
         self.lines()
-        return self.told()
+        return self.tell_slopes()
 
-    def told(self) -> str:
-        """Tell the slopes; what failed, or nothing."""
-        return self.part.checked(self.tell(), SLOPE) if self.places else ""
+    def tell_slopes(self) -> str:
+        """Tell the slopes; return what failed, or nothing."""
+        return self.part.check_status(self.tell(), SLOPE) if self.places else ""
 
     def keep(self) -> None:
         """The step is over: the next one begins where it has ended."""

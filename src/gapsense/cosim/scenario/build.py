@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from gapsense._os.files import write_atomically
-from gapsense.cosim.check import check, described, find_fmus, prepare
+from gapsense.cosim.check import check, describe_fmu, find_fmus, prepare
 from gapsense.cosim.fmu.descriptions import Description, find_fmu
 from gapsense.cosim.result.result import Measure, Result
 from gapsense.cosim.run.master import Master, Progress
@@ -198,7 +198,7 @@ class Scenario:
         """Model description of a component's FMU, or None where there is none; a run tells why."""
         fmus = find_fmus(self.path) if self.fmus is None else Path(self.fmus)
         try:
-            return described(find_fmu(self.components[component]["fmu"], self.path, fmus))
+            return describe_fmu(find_fmu(self.components[component]["fmu"], self.path, fmus))
         except (OSError, ValueError):
             return None
 
@@ -318,29 +318,29 @@ def write_document(document: Document, path: Path) -> None:
     import tomli_w  # here, so that a run that writes no file starts fast
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    data = moved(document.data, FILE, document.path.parent.resolve(), path.parent.resolve())
+    data = rebase_tables(document.data, FILE, document.path.parent.resolve(), path.parent.resolve())
     text = tomli_w.dumps(data, multiline_strings="\\r" not in repr(data))  # over several lines TOML drops these
     write_atomically(path, lambda file: print(text, end="", file=file))
 
 
-def moved(tables: Mapping[str, Any], section: Section, old: Path, new: Path) -> dict[str, Any]:
-    """Content of a table whose file moves from one folder to another."""
+def rebase_tables(tables: Mapping[str, Any], section: Section, old: Path, new: Path) -> dict[str, Any]:
+    """Rebase the paths in a table whose file moves from one folder to another."""
 
     def value(name: str, item: Any) -> Any:
         """Value of a key, whatever it is, as the table in the new folder has it."""
         key = key_of(section, name)
         if isinstance(item, dict):
-            return moved(item, (key and key.section) or section, old, new)
+            return rebase_tables(item, (key and key.section) or section, old, new)
         if isinstance(item, list):
             return [value(name, entry) for entry in item]
         is_path = isinstance(item, str) and key and key.is_path and key.is_path(name, item)
-        return rebased(item, old, new) if is_path else item
+        return rebase_path(item, old, new) if is_path else item
 
     return {name: value(name, item) for name, item in tables.items()}
 
 
-def rebased(text: str, old: Path, new: Path) -> str:
-    """A path relative to one folder as one relative to another, where there is a way from there."""
+def rebase_path(text: str, old: Path, new: Path) -> str:
+    """Turn a path relative to one folder into one relative to another, where there is a way from there."""
     if old == new or Path(text).is_absolute():
         return text
     try:

@@ -242,7 +242,7 @@ def document_of(source: Source, variant: str | None = None) -> Document:
 
 
 def changed(source: Source, settings: Sequence[str]) -> Source:
-    """A scenario with values laid over it that are written as on the command line: `valve.damping=0.4`.
+    """Lay values over a scenario that are written as on the command line: `valve.damping=0.4`.
 
     What TOML does not take as a value is a text; files are relative to the working folder. What is wrong is told with
     what is wrong with the file, when it is checked or run.
@@ -279,18 +279,18 @@ class Changes:
         self.left = dict(given)
         self.table = Table(given, OVER, "", problems)
 
-    def instead(self, names: Iterable[str], kind: Kind) -> dict[str, Any]:
-        """Values of that kind instead of what the scenario states under these names."""
-        return self.popped([name for name in names if name in self.left]).flat(kind)
+    def take_values(self, names: Iterable[str], kind: Kind) -> dict[str, Any]:
+        """Take values of that kind for what the scenario states under these names."""
+        return self.pop_values([name for name in names if name in self.left]).flat(kind)
 
     def parameters(self, component: str) -> dict[str, Value]:
         """Values for the parameters of a component."""
         head = f"{component}."
-        mine = self.popped([name for name in self.left if name.startswith(head)])
+        mine = self.pop_values([name for name in self.left if name.startswith(head)])
         return {name.removeprefix(head): value for name, value in located_values(mine, Path()).items()}
 
-    def popped(self, names: Iterable[str]) -> Table:
-        """Values that nobody else gets."""
+    def pop_values(self, names: Iterable[str]) -> Table:
+        """Take values out, so that nobody else gets them."""
         return self.table.child({name: self.left.pop(name) for name in names}, "")
 
     def finish(self, components: Iterable[str]) -> None:
@@ -339,11 +339,11 @@ def read_draft(source: Source, variant: str | None = None) -> Draft:
     if document is None:
         return Draft(None, problems)
     laid = document.with_variant(variant, problems)
-    reader = Reader(laid or document, variant if laid else None, problems)
+    reader = ScenarioReader(laid or document, variant if laid else None, problems)
     return Draft(reader.scenario(), problems, frozenset(reader.broken))
 
 
-class Reader:
+class ScenarioReader:
     """Reads the sections of one scenario; `broken` holds the sections with problems."""
 
     def __init__(self, document: Document, variant: str | None, problems: list[str]) -> None:
@@ -378,7 +378,7 @@ class Reader:
             metrics=self.section("metrics", read_metrics),
             baseline=self.section("baseline", lambda table: read_baseline(table, self.path, self.variant)),
             variants=self.section("variants", self.variants),
-            tested=self.tested(),
+            tested=self.find_tested(),
             files=tuple(dict.fromkeys(self.files)),
             rows_columns=columns,
             played=played,
@@ -465,7 +465,7 @@ class Reader:
         """Seed of each random component."""
         table = table.table("seeds")
         seeds = {name: table.take(name, INDEX, 0) for name in table.data}
-        instead = self.changes.instead((f"{name}.seed" for name in seeds), INDEX)
+        instead = self.changes.take_values((f"{name}.seed" for name in seeds), INDEX)
         return {name: instead.get(f"{name}.seed", seed) for name, seed in seeds.items()}
 
     def inputs(self, table: Table) -> tuple[dict[Port, Value], dict[Port, Played]]:
@@ -477,7 +477,7 @@ class Reader:
         constants = table.child(plain, "").flat(SCALAR)
         read = {n: read_signal(table.child(data, n), self.path.parent, self.files) for n, data in signals.items()}
         inputs = by_port(table, constants)
-        instead = self.changes.instead(map(str, inputs), SCALAR)
+        instead = self.changes.take_values(map(str, inputs), SCALAR)
         played = by_port(table, {name: signal for name, signal in read.items() if signal})
         return {port: instead.get(str(port), value) for port, value in inputs.items()}, played
 
@@ -495,8 +495,8 @@ class Reader:
                 item.note("variants", "a variant cannot contain variants. Write it beside the others.")
         return out
 
-    def tested(self) -> tuple[str, ...]:
-        """Variants with metrics or a baseline of their own."""
+    def find_tested(self) -> tuple[str, ...]:
+        """Find variants with metrics or a baseline of their own."""
         data = self.table.data.get("variants", {})
         items = {k: v for k, v in data.items() if isinstance(v, dict)} if isinstance(data, dict) else {}
         folder = self.path.parent
@@ -930,8 +930,8 @@ def note_times(table: Table, given: Mapping[str, Any]) -> None:
         table.note("when.again", "an event that lasts to the end of the run happens once. Add `duration`.")
 
 
-def varied(events: Events, values: Mapping[Port, Value], problems: list[str]) -> Events:
-    """The events with the values that a sweep gives their keys; what is wrong with these is noted."""
+def vary_events(events: Events, values: Mapping[Port, Value], problems: list[str]) -> Events:
+    """Give events the values that a sweep has for their keys; what is wrong with these is noted."""
     changes = {port.variable: value for port, value in values.items() if port.component == SECTION}
     if not changes:
         return events

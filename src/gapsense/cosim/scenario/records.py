@@ -209,8 +209,8 @@ class Event:
         return f"{SECTION}.{self.name}"
 
 
-def resolved(events: Mapping[str, Event], connections: Iterable[Connection]) -> dict[str, Event]:
-    """Events with one input or parameter each: one on an output is one on each input that this drives."""
+def resolve_targets(events: Mapping[str, Event], connections: Iterable[Connection]) -> dict[str, Event]:
+    """Give events one input or parameter each: one on an output becomes one on each input that this drives."""
     driven: dict[Port, list[Port]] = {}
     for connection in connections:
         driven.setdefault(connection.source, []).append(connection.target)
@@ -236,7 +236,7 @@ class Span(NamedTuple):
 
 
 @dataclass
-class Watch:
+class Threshold:
     """Whether the value in a place of the buffer is above (or below) a level, as it was known last."""
 
     place: int
@@ -251,7 +251,7 @@ class Watch:
         return bool(value > self.level if self.is_above else value < self.level)
 
 
-def reporter(watches: Sequence[Watch], buffer: Buffer) -> Callable[[], bool]:
+def reporter(watches: Sequence[Threshold], buffer: Buffer) -> Callable[[], bool]:
     """Function that says if there is news of some conditions."""
     return lambda: any(watch.is_on and watch.look(buffer) != watch.holds for watch in watches)
 
@@ -471,8 +471,8 @@ class Plan:
         """Values of a run."""
         return self.point(index % self.points)
 
-    def named(self, index: int) -> dict[str, Value]:
-        """Values of a run by the names of the parameters."""
+    def name_values(self, index: int) -> dict[str, Value]:
+        """Name the values of a run by its parameters."""
         return {str(port): value for port, value in self.values(index).items()}
 
     def shift(self, index: int) -> int:
@@ -672,13 +672,13 @@ def order_of_loops(names: Sequence[str], connections: Sequence[Connection]) -> O
 
 def first_loops(left: Sequence[str], edges: Sequence[Connection]) -> dict[str, list[str]]:
     """The loop of each component that is in one which nothing outside of it drives."""
-    ahead = {name: reached(name, edges) for name in left}
+    ahead = {name: find_reached(name, edges) for name in left}
     behind = {name: [other for other in left if name in ahead[other]] for name in left}
     return {name: behind[name] for name in left if {*behind[name]} <= ahead[name]}
 
 
-def reached(name: str, edges: Collection[Connection]) -> set[str]:
-    """Components that a component drives, directly or through others."""
+def find_reached(name: str, edges: Collection[Connection]) -> set[str]:
+    """Find components that a component drives, directly or through others."""
     seen: set[str] = set()
     fresh = {name}
     while fresh:
@@ -689,12 +689,12 @@ def reached(name: str, edges: Collection[Connection]) -> set[str]:
 
 def find_cycle(left: Sequence[str], direct: Sequence[Connection]) -> list[Connection]:
     """A loop of direct feedthrough, found by walking against the connections until a component comes twice."""
-    on_cycle = next(name for name in left if name in reached(name, direct))
+    on_cycle = next(name for name in left if name in find_reached(name, direct))
     path: list[Connection] = []
     seen: list[str] = []
     while on_cycle not in seen:
         seen.append(on_cycle)
-        onward = reached(on_cycle, direct)
+        onward = find_reached(on_cycle, direct)
         path.append(next(c for c in direct if c.target.component == on_cycle and c.source.component in onward))
         on_cycle = path[-1].source.component
     return path[seen.index(on_cycle) :][::-1]

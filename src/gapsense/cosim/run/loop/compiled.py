@@ -13,13 +13,13 @@ from gapsense._os.native import structures
 from gapsense._os.processes import MARKS
 from gapsense.cosim.fmu.instance import FATAL, SLOPE, STEP, referring
 from gapsense.cosim.run import iterate
-from gapsense.cosim.run.control import controlled
+from gapsense.cosim.run.control import make_controlled
 from gapsense.cosim.run.iterate import LOOP, PARALLEL, ROUNDING, Sweep
 from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, first_exchange, first_turn
 from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STOP
 from gapsense.cosim.run.recording import STEP as STEP_MARK
 from gapsense.cosim.run.turns import Ramp, Solve, Solver, Turns
-from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Watch, reporter
+from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Threshold, reporter
 
 __all__ = ["Advance", "Work", "advancer", "language"]
 
@@ -50,7 +50,7 @@ def advancer(work: Work) -> Advance:
 def in_python(work: Work, solver: Solver | None = None) -> Advance:
     """Function that does base steps; the solver does what C can do of loops."""
     if work.experiment.step_control is not None:
-        return controlled(work, recorder(work), solver)
+        return make_controlled(work, recorder(work), solver)
     play, turns, record = work.player.into(work.buffer), Turns(work, solver=solver), recorder(work)
     exchange = turns.exchange if work.experiment.method == JACOBI else None
     marks, done, has_news = work.marks, work.begin - 1, reporter(work.watches, work.buffer)
@@ -135,7 +135,7 @@ def is_ended(guest: Guest, loop: Any, structure: Any) -> bool:
     """True if the step that C could not go on from was the orderly end of its component: it then counts as done."""
     instance, begin = guest.part.instance, loop.time
     instance.last = loop.last
-    loop.status = instance.judged(loop.status, begin, structure.duration)
+    loop.status = instance.judge_step(loop.status, begin, structure.duration)
     if not guest.part.has_ended(loop.status):
         return False
     failed = guest.part.read_outputs()
@@ -159,12 +159,12 @@ class Guest:
         if not part.is_direct:
             take = part.taker()
             self.step = PythonStep(
-                self.noted(part.stepper(part.component.step * base, take if self.takes_first else None))
+                self.note_failure(part.stepper(part.component.step * base, take if self.takes_first else None))
             )
-            self.take = PythonTake(self.noted(take))
+            self.take = PythonTake(self.note_failure(take))
 
-    def noted(self, act: Callable[..., str]) -> Callable[..., int]:
-        """A function that does the same, says whether it failed, and never raises."""
+    def note_failure(self, act: Callable[..., str]) -> Callable[..., int]:
+        """Make a function that does the same, says whether it failed, and never raises."""
 
         def do(*arguments: float) -> int:
             try:
@@ -217,7 +217,7 @@ def renew(guest: Guest) -> None:
         )
 
 
-def condition(watch: Watch) -> Any:
+def condition(watch: Threshold) -> Any:
     """A condition, for C."""
     return WatchInC(place=watch.place, is_above=watch.is_above, is_on=watch.is_on, holds=watch.holds, level=watch.level)
 
@@ -402,12 +402,12 @@ def doubles(values: Sequence[float]) -> Any:
 
 def entry(name: str = "loop") -> Callable[..., int] | None:
     """Function of the library, or None where it does not load: Python then does the same, more slowly."""
-    return loaded(BINARY, name)
+    return load_function(BINARY, name)
 
 
 @cache
-def loaded(binary: Path, name: str) -> Callable[..., int] | None:
-    """Function of a library."""
+def load_function(binary: Path, name: str) -> Callable[..., int] | None:
+    """Load a function of a library."""
     try:
         function: Any = getattr(ctypes.CDLL(str(binary)), name)
     except (OSError, AttributeError):  # another platform, no file, or not ours
