@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "kernels"
 from c_code import CKernel
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 
-from gapsense.kernels.lanes import stepped
+from gapsense.kernels.lanes import step_runs
 from gapsense.kernels.layout import flat
 
 STEPS, DRAWN = 200, 50  # steps of a sequence; different runs in a batch, which is filled with copies of them
@@ -125,7 +125,7 @@ def over_runs(module: str, runs: int) -> float:
     def seconds() -> float:
         """How long one call takes."""
         begin = perf_counter()
-        stepped(kernel(module), inputs, par)
+        step_runs(kernel(module), inputs, par)
         return perf_counter() - begin
 
     inputs = np.array(inputs)

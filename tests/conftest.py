@@ -24,7 +24,7 @@ from hypothesis import HealthCheck, settings
 from gapsense._os import locks, processes
 from gapsense._os.native import ZIG, NativeError, zig_version
 from gapsense.cli.console import consoles
-from gapsense.fmi.native.platforms import chosen, compilers
+from gapsense.fmi.native.platforms import choose_platforms, compilers
 from gapsense.many import store
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -149,7 +149,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callable[
 def natives(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The native FMUs, for this machine only; likewise those in the folder `GAPSENSE_NATIVES`."""
     try:
-        compilers(*chosen(["here"]))
+        compilers(*choose_platforms(["here"]))
     except NativeError as error:
         pytest.skip(f"no C compiler for native FMUs: {error}")
     ready = os.environ.get("GAPSENSE_NATIVES")

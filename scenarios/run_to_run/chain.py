@@ -17,7 +17,7 @@ from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes.plan import columns_in_c
 from gapsense.kernels.layout import names
 from gapsense.vectors import library
-from gapsense.vectors.library import Places, Room, aligned, filled, of_kernel, places, structure, table
+from gapsense.vectors.library import Places, Room, aligned_zeros, fill_structure, of_kernel, places, structure, table
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Chain:
 
     def loop(self, dt: float) -> Any:
         """All for C, with this time from sample to sample [s]."""
-        return filled(
+        return fill_structure(
             library.Loop,
             parts=[self._structure(part, at, dt) for part, at in zip(self.parts, self.places)],
             base_step=dt / self.fine,
@@ -75,7 +75,10 @@ class Block:
     def __init__(self, made: Chain, first: int, count: int, par: Mapping[str, Any], given: Sequence[float]) -> None:
         width = library.loop().width()
         self.lanes = first + np.minimum(np.arange(width), count - 1)  # run of each; the last one where there is none
-        self.values, self.arrays = aligned(made.room.size, width), [np.zeros((n, width)) for n in made.room.memories]
+        self.values, self.arrays = (
+            aligned_zeros(made.room.size, width),
+            [np.zeros((n, width)) for n in made.room.memories],
+        )
         self.values[[made.at[name] for name in made.given]] = np.reshape(given, (-1, 1))
         self.numbers: dict[str, int] = {}  # places of the parameters
         for part, at in zip(made.parts, made.places):

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from gapsense.control.mover import Mover, make_mover
 from gapsense.control.profile import Operation, flux, is_planned, path
 from gapsense.control.records import CLOSING, OPENING, Parameters
-from gapsense.control.tracking import planned
+from gapsense.control.tracking import plan_operation
 from gapsense.estimators.mhe.model import gap
 
 from ..estimators.parameters import VALVE
@@ -28,7 +28,7 @@ def nominal(counts: tuple[int, int], par: Parameters) -> Floats:
     m, volts = make_mover(par), ordinary(counts, par)
     halves = ((CLOSING, 0, par.closing_travel, 0.0), (OPENING, counts[1], par.opening_travel, held(m, par)))
     for half, first, travel, start in halves:
-        plan = planned(half, SPEED, travel, start, par)._replace(tail=TAIL)
+        plan = plan_operation(half, SPEED, travel, start, par)._replace(tail=TAIL)
         soft = profile(plan, m, par)[: counts[0] - first]
         volts[first : first + soft.size] = soft
     return np.clip(volts, par.voltage_least, par.voltage_most)

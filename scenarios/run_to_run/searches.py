@@ -17,7 +17,7 @@ from gapsense.control.learning import LARGEST, with_law
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import Operation, flux
 from gapsense.control.records import Parameters
-from gapsense.control.tracking import planned
+from gapsense.control.tracking import plan_operation
 
 Floats = npt.NDArray[np.float64]
 Search = Generator[Floats, float, None]
@@ -97,7 +97,7 @@ def columns(trials: Trials) -> dict[str, Floats]:
 def fisher_basis(half: float, par: Parameters) -> Floats:
     """The directions of (a, b, q) in which the nominal profile changes most, in standard deviations, (3, 2)."""
     travel = par.closing_travel if half else par.opening_travel
-    profile = _profile(planned(half, SPEED, travel, 0.0, par), par)
+    profile = _profile(plan_operation(half, SPEED, travel, 0.0, par), par)
     columns = [(profile(STEP * e) - profile(-STEP * e)) / (2.0 * STEP) for e in np.diag(BEFORE)]
     sensitivity = np.transpose(columns)
     _, vectors = np.linalg.eigh(sensitivity.T @ sensitivity)

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from gapsense._os.files import read_columns
 from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING
-from gapsense.estimators.reduced_model import Model, current, gap_law, normalised
+from gapsense.estimators.reduced_model import Model, current, gap_law, normalise_model
 from gapsense.estimators.rts import Floats
 from gapsense.report.table import table
 from gapsense.studies.devices import RTS_VALVE
@@ -60,7 +60,7 @@ class Fitted(NamedTuple):
 
 def of_reference_cycle(par: Any, progress: Progress = lambda done, total: None) -> list[Fitted]:
     """Fits to the soft-landing cycle (Fig. 5) of the complete model, and of simpler ones, with their flux linkage."""
-    m, found = normalised(par), []
+    m, found = normalise_model(par), []
     simulated = cache(lambda *changes: sampled(soft_landing(RTS_VALVE._replace(**dict(changes)))[-1], par.sample_time))
     for title, changes in SIMPLER.items():
         s = simulated(*changes.items())
@@ -80,7 +80,7 @@ def of_record(file: Path, par: Any, held: bool) -> list[Fitted]:
     late = np.flatnonzero(~(np.diff(time) > 0.0))
     if late.size:
         raise ValueError(f"{file}, line {late[0] + 3}: `time` does not rise. Correct the file.")
-    m = normalised(par)
+    m = normalise_model(par)
     return [_fitted(file.name, position, integrated_flux(time, voltage, current, m.R, held), current, m)]
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.integrate import quad
 
-from gapsense.estimators.reduced_model import Model, gap_law, normalised
+from gapsense.estimators.reduced_model import Model, gap_law, normalise_model
 from gapsense.estimators.rts import Floats, motions
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.studies.runs import Facts
@@ -94,7 +94,7 @@ def nominal() -> Model:
 
     As in the paper e_i is never forgotten.
     """
-    return normalised(kernel_parameters(own("ekf"), {"process.current_error_memory": 0.0}))
+    return normalise_model(kernel_parameters(own("ekf"), {"process.current_error_memory": 0.0}))
 
 
 def fitted(samples: Any, m: Model) -> Model:

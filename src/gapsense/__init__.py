@@ -19,7 +19,7 @@ sys.path.extend([sys.path.pop(0)] if _is_module else [])
 if _is_module or "".join(sys.argv[:1]).endswith("gapsense"):  # until `__main__` has a word for a Ctrl-C
     _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
-from gapsense._os.offered import offered  # noqa: E402
+from gapsense._os.offered import offered_names  # noqa: E402
 from gapsense.version import __version__ as __version__  # noqa: E402
 
 TYPE_CHECKING = False  # that of `typing` takes a while to load, in which a Ctrl-C would be shown as a traceback
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from gapsense.many.result import read_campaign as read_campaign
     from gapsense.many.sweep import sweep as sweep
 
-_PLACES = offered(__file__)  # module of each name in the block above
+_PLACES = offered_names(__file__)  # module of each name in the block above
 __all__ = sorted(_PLACES)
 
 

@@ -302,12 +302,12 @@ class Runnable:
         """The outputs by C; None where no compiler is. What fails is done again in Python, for its words."""
         if own_compiler() is None:
             return None
-        from gapsense.vectors.library import filtered, functions, loop
+        from gapsense.vectors.library import filter_runs, functions, loop
 
         found = functions(self.ports.name) if loop() else None
         if found is None:
             return None
-        data, failed = filtered(found, values, inputs, chosen, start, step)
+        data, failed = filter_runs(found, values, inputs, chosen, start, step)
         for run in np.flatnonzero(failed):
             self._in_python(inputs, int(run), values, start, step)
         return data

@@ -9,7 +9,7 @@ from scipy.integrate import trapezoid
 from gapsense.actuators import play_actuator, solenoid_valve
 from gapsense.actuators.magnetics import MU_0
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.studies.devices import VALVE, driven
+from gapsense.studies.devices import VALVE, drive
 
 PLAY = kernel_parameters(own("play_actuator"), {})
 STATIC = {"hysteresis_amplitude": 0.0, "eddy_fast": 0.0, "eddy_slow": 0.0}
@@ -18,7 +18,7 @@ STEP = 20e-6
 
 
 def run(par, voltage, *names):
-    return driven(play_actuator, par, np.asarray(voltage, float), STEP, *names).T
+    return drive(play_actuator, par, np.asarray(voltage, float), STEP, *names).T
 
 
 def square_wave(cycles, high=30.0):
@@ -32,7 +32,7 @@ def test_without_losses_it_is_the_solenoid_valve():
     law = {"gap_slope": 1.0 / (MU_0 * plain.gap_area), "gap_fringing": plain.gap_area**-0.5}
     par = PLAY._replace(**common, **law, gap_window=2.0 * plain.gap_window, **STATIC)
     names, voltage = ("current", "position", "flux_linkage", "mode"), square_wave(2)
-    expected = driven(solenoid_valve, plain, voltage, STEP, *names).T
+    expected = drive(solenoid_valve, plain, voltage, STEP, *names).T
     found = run(par, voltage, *names)
     assert set(expected[3]) == {1.0, 2.0, 3.0}
     for values, others in zip(found, expected):

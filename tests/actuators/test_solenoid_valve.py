@@ -10,7 +10,7 @@ from relay import RELAY
 
 from gapsense.actuators import solenoid_valve as valve
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import stepped
+from gapsense.kernels.lanes import step_runs
 from gapsense.kernels.layout import flat
 from gapsense.studies.devices import VALVE
 
@@ -155,7 +155,7 @@ def test_many_runs_at_once_equal_single_runs(kernel, law):
     par = VALVE._replace(gap_law=law, micro_step=50e-6)
     high = np.array([24.0, 20.0, 5.0, -22.0])
     inputs = [[np.zeros(4), np.full(4, 0.5e-3 if k else 0.0), high if 0 < k < 8 else np.zeros(4)] for k in range(19)]
-    found = stepped(kernel, np.array(inputs), flat(par))
+    found = step_runs(kernel, np.array(inputs), flat(par))
     modes = set()
     for run in range(4):
         state, outputs = kernel.initial(REST, par)

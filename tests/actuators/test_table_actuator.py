@@ -14,7 +14,7 @@ from gapsense.actuators import reluctance_actuator, table_actuator
 from gapsense.actuators.surface import surface, surface_patch
 from gapsense.fmi.components import kernel_parameters, load_component, own
 from gapsense.kernels.kernel import Kernel
-from gapsense.studies.devices import RTS_VALVE, driven
+from gapsense.studies.devices import RTS_VALVE, drive
 
 TABLE = kernel_parameters(own("table_actuator"), {})
 KERNEL = Kernel(table_actuator)
@@ -42,7 +42,7 @@ def as_told(port, number):
 def test_class_has_the_bits_of_the_kernel():
     """What most tests here rely on."""
     voltage, given = square_wave()[450:600], {"hysteresis": 1.0, "stop_law": 1.0, "initial_position": 0.5e-3}
-    expected = driven(table_actuator, TABLE._replace(**given), voltage, STEP, *ENERGIES, "position").T
+    expected = drive(table_actuator, TABLE._replace(**given), voltage, STEP, *ENERGIES, "position").T
     assert run(voltage, *ENERGIES, "position", **given).tobytes() == np.ascontiguousarray(expected).tobytes()
 
 
@@ -89,11 +89,11 @@ def test_current_and_force_are_slopes_of_one_energy(h, lam):
 def test_it_is_the_reluctance_actuator(hysteresis, tmp_path):
     """To what 11 gaps and 29 flux linkages tell; four times as many of both tell a hundred times more."""
     names, voltage = ("position", "current", "force", "hysteresis_energy", "eddy_energy", "mode"), square_wave()
-    other = driven(reluctance_actuator, RTS_VALVE._replace(hysteresis=hysteresis), voltage, STEP, *names).T
+    other = drive(reluctance_actuator, RTS_VALVE._replace(hysteresis=hysteresis), voltage, STEP, *names).T
     finer = [np.interp(np.arange(0.0, len(x) - 0.9, 0.25), np.arange(len(x)), x) for x in (GAPS, FLUX_LINKAGES)]
     file = write(tmp_path / "fine.csv", *(1e-3 * x for x in finer), lambda h, lam: current(h, lam, RTS_VALVE))
     for par, part in ((TABLE, 1.0), (with_table(file), 0.01)):
-        found = driven(table_actuator, par._replace(hysteresis=hysteresis), voltage, STEP, *names).T
+        found = drive(table_actuator, par._replace(hysteresis=hysteresis), voltage, STEP, *names).T
         assert np.abs(found[0] - other[0]).max() < part * 0.3e-6
         assert np.abs(found[1] - other[1]).max() < part * 15e-6
         assert np.abs(found[2] - other[2]).max() < part * 3e-3
@@ -111,7 +111,7 @@ def test_three_flux_linkages_are_a_law_without_saturation(tmp_path):
         lambda h, lam: lam * (5.0 + 2e4 * h + 1e6 * h * h),
     )
     par = with_table(file)._replace(eddy_currents=0.0)
-    i, h, lam, force, L = driven(
+    i, h, lam, force, L = drive(
         table_actuator, par, square_wave(), STEP, "current", "position", "flux_linkage", "force", "inductance"
     ).T
     R, slope = 5.0 + 2e4 * h + 1e6 * h * h, 2e4 + 2e6 * h
@@ -198,7 +198,7 @@ def test_spring_by_table_is_that_by_numbers(tmp_path):
     file.write_text("gap [m],force [N]\n" + "".join(f"{h},{f!r}\n" for h, f in zip((0.2e-3, 0.7e-3, 1e-3), force)))
     by_table = kernel_parameters(own("table_actuator"), {"spring.file": str(file), "spring.law": "table"})
     names = ("position", "current", "spring_force")
-    found = driven(table_actuator, by_table, square_wave(), STEP, *names).T
+    found = drive(table_actuator, by_table, square_wave(), STEP, *names).T
     np.testing.assert_allclose(found, run(square_wave(), *names), atol=1e-9)
 
 

@@ -5,7 +5,7 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import bend, laws, run_to_run
-from gapsense.control.judging import FELT, _slowest, _timed, judged_by_contact, judged_by_current, listened
+from gapsense.control.judging import FELT, _slowest, _speed_by_time, judged_by_contact, judged_by_current, note_contact
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import stops
 from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
@@ -60,7 +60,7 @@ def watched(state, contact):
         landing = contact if k >= contact > 0.0 else 0.0
         heard = state.heard._replace(landing=landing)
         state = state._replace(heard=heard, running=state.running._replace(age=float(k)))
-        state = state._replace(heard=bend.watched(state, PAR))
+        state = state._replace(heard=bend.find_hardest_bend(state, PAR))
     return judged_by_current(judged_by_contact(state, PAR), PAR)
 
 
@@ -112,7 +112,7 @@ def test_time_of_a_contact_tells_hard_landings_that_are_early_or_much_too_late(h
 
     def timed(late):
         landing = due + round(late / PAR.sample_time)
-        return _timed(state._replace(heard=state.heard._replace(landing=landing)), PAR)
+        return _speed_by_time(state._replace(heard=state.heard._replace(landing=landing)), PAR)
 
     assert timed(-2e-3) > 0.4 and timed(2.4e-3) == pytest.approx(0.5)
     assert all(timed(late) < 0.2 for late in (-1e-3, 0.0, 2.2e-3)) and timed(-due * PAR.sample_time) == 0.0
@@ -149,27 +149,27 @@ def test_current_tells_whether_an_operation_has_arrived(half):
     stays = hit(1.0 - half, 0.1, 1.0)
     stayed = np.where(np.arange(2 * LONGEST) // LONGEST == half, np.roll(stays.charges, LONGEST), ended.charges)
     stays = ended._replace(charges=stayed)
-    is_there, is_absent, seated = bend.arrived(ended, 0.0, PAR)
+    is_there, is_absent, seated = bend.tell_arrival(ended, 0.0, PAR)
     assert (is_there, is_absent) == (half == CLOSING, False) and seated > 0.0
-    assert not bend.arrived(stays, 0.0, PAR)[0]
-    assert bend.arrived(stays, seated, PAR) == (False, True, seated)
+    assert not bend.tell_arrival(stays, 0.0, PAR)[0]
+    assert bend.tell_arrival(stays, seated, PAR) == (False, True, seated)
     cut = ended._replace(running=ended.running._replace(age=200.0))
-    assert bend.arrived(cut, seated, PAR) == (False, False, seated)
+    assert bend.tell_arrival(cut, seated, PAR) == (False, False, seated)
     dead = ended._replace(fluxes=0.1 * ended.fluxes)  # no voltage has come: nothing holds a mover
-    assert bend.arrived(dead, seated, PAR)[:2] == (False, half == CLOSING)
+    assert bend.tell_arrival(dead, seated, PAR)[:2] == (False, half == CLOSING)
 
 
 def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_landings():
     """It has 0.26 mm to go, and lands with the voltage that holds: no bound of the nominal actuator tells that."""
     state = whole(hit(CLOSING, 0.1, 200.0))
-    _, _, seated = bend.arrived(state, 0.0, PAR)
+    _, _, seated = bend.tell_arrival(state, 0.0, PAR)
     floating = whole(hit(CLOSING, 0.1, 200.0 + 0.26e-3 / 0.1 / PAR.sample_time))
     half = slice(LONGEST, 2 * LONGEST)
     z = 0.26e-3 + stops(True, make_mover(PAR))[1]
     current = FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0]
     floating.charges[half] = current * PAR.sample_time * np.arange(LONGEST)
-    assert not bend.arrived(floating, 0.0, PAR)[1]
-    assert bend.arrived(floating, seated, PAR)[1]
+    assert not bend.tell_arrival(floating, 0.0, PAR)[1]
+    assert bend.tell_arrival(floating, seated, PAR)[1]
     for law in (0.0, 1.0):  # a contact that is only heard after the plan denies nothing
         known = laws.write(floating.laws, CLOSING, laws.read(floating.laws, CLOSING)._replace(seated=seated))
         heard = blank(Heard, last_mode=2.0, began=1.0, takeoff=80.0, landing=480.0 * (1.0 - law))
@@ -179,7 +179,7 @@ def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_la
 
 def near(way, noise=2e-3):
     """A closing that has stayed so far from its stop, after some that have arrived."""
-    _, _, seated = bend.arrived(whole(hit(CLOSING, 0.1, 200.0)), 0.0, PAR)
+    _, _, seated = bend.tell_arrival(whole(hit(CLOSING, 0.1, 200.0)), 0.0, PAR)
     z = way + stops(True, make_mover(PAR))[1]
     state = whole(hit(CLOSING, 0.1, 200.0))
     current = FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0]
@@ -209,9 +209,9 @@ def test_only_a_closing_that_is_seated_as_earlier_ones_is_felt(way, missed):
 
 def test_reluctance_of_a_seated_mover_follows_what_is_nearer_at_once_and_what_is_farther_slowly():
     state = whole(hit(CLOSING, 0.1, 200.0))
-    _, _, seated = bend.arrived(state, 0.0, PAR)
-    assert bend.arrived(state, 1.5 * seated, PAR)[2] == seated
-    assert bend.arrived(state, 0.9 * seated, PAR)[2] == pytest.approx(0.91 * seated)
+    _, _, seated = bend.tell_arrival(state, 0.0, PAR)
+    assert bend.tell_arrival(state, 1.5 * seated, PAR)[2] == seated
+    assert bend.tell_arrival(state, 0.9 * seated, PAR)[2] == pytest.approx(0.91 * seated)
 
 
 @pytest.mark.parametrize("noise", [2e-3, 20e-3])
@@ -219,11 +219,11 @@ def test_opening_that_stops_shorter_each_time_is_told(noise):
     """By 1 % of the reluctance: that of a seated mover must not go with it. Noise is no excuse."""
     state = whole(hit(OPENING, 0.1, 200.0))
     state = state._replace(coil=state.coil._replace(noise=noise))
-    _, _, seated = bend.arrived(state, 0.0, PAR)
+    _, _, seated = bend.tell_arrival(state, 0.0, PAR)
     told = []
     for short in np.arange(0.0, 0.25, 0.01):
         charges = np.where(np.arange(2 * LONGEST) < LONGEST, 1.0 - short, 1.0) * state.charges
-        _, is_absent, seated = bend.arrived(state._replace(charges=charges), seated, PAR)
+        _, is_absent, seated = bend.tell_arrival(state._replace(charges=charges), seated, PAR)
         told.append(is_absent)
     assert not any(told[:10]) and all(told[15:])
 
@@ -233,7 +233,7 @@ def test_opening_that_floats_from_the_first_one_on_is_told():
     state = whole(hit(OPENING, 0.1, 200.0))
     state.charges[:LONGEST] *= 0.8
     averaged = state._replace(running=state.running._replace(averaged=1.0))  # a current that is that of others too
-    assert bend.arrived(state, 0.0, PAR)[1] and not bend.arrived(averaged, 0.0, PAR)[1]
+    assert bend.tell_arrival(state, 0.0, PAR)[1] and not bend.tell_arrival(averaged, 0.0, PAR)[1]
 
 
 def test_bend_where_hardly_any_flux_linkage_is_left_is_no_hit():
@@ -287,7 +287,7 @@ def test_a_first_approach_that_lands_in_a_saturated_core_is_not_hard():
     running = state.running._replace(due=LANDING + 30.0, speed=PAR.approach_first)
     state = state._replace(running=running, heard=blank(Heard, last_mode=1.0, began=1.0, takeoff=80.0, landing=LANDING))
     first, slower = (
-        bend.landed(state._replace(running=running._replace(speed=speed)), PAR)
+        bend.landing_speed(state._replace(running=running._replace(speed=speed)), PAR)
         for speed in (PAR.approach_first, 0.9 * PAR.approach_first)
     )
     assert first == pytest.approx(0.4, abs=0.15) and slower > first + bend.SATURATED
@@ -302,7 +302,7 @@ def timed(contact, landing=LANDING, speed=1.1, noise=0.0, takeoff=80.0):
     for k in range(60, round(AGE)):
         mode = 3.0 if k < takeoff else 2.0 if k < contact else 1.0
         state = state._replace(running=state.running._replace(age=float(k)))
-        state = bend.located(state._replace(heard=listened(state, inputs(mode=mode))), PAR)
+        state = bend.located(state._replace(heard=note_contact(state, inputs(mode=mode))), PAR)
     return state
 
 
@@ -316,7 +316,7 @@ def test_a_contact_that_is_late_in_an_ordinary_closing_is_taken_to_be_earlier_by
     assert state.heard.takeoff == 80.0 + late - state.late
     opening = state.running._replace(command=OPENING, age=150.0)
     state = state._replace(running=opening, heard=blank(Heard, last_mode=2.0, takeoff=90.0, taken=state.late))
-    assert listened(state, inputs(mode=3.0)).landing == 150.0 - state.late
+    assert note_contact(state, inputs(mode=3.0)).landing == 150.0 - state.late
 
 
 @pytest.mark.parametrize(("given", "why"), [({"noise": 20e-3}, "noise"), ({"speed": 0.2}, "faint"), ({}, "bounce")])

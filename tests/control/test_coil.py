@@ -7,18 +7,18 @@ from commanded import inputs, parameters
 
 from gapsense.control.coil import (
     DRIVEN,
-    closed,
+    average_top,
     cycle_resistance,
     driving,
     first_coil,
-    integrated,
+    integrate_sample,
     is_scarce,
+    learn_resistance,
+    learn_zero,
     left_open,
     open_flux,
-    raised,
-    told,
-    topped,
-    zeroed,
+    raise_hold,
+    take_estimates,
 )
 from gapsense.estimators.mhe.model import gap, make_gap
 
@@ -37,7 +37,7 @@ def driven(R, resistance, remanence=0.0, samples=1000, position=PAR.stop_upper):
         u = 24.0 if k < 490 else 0.0
         middle = (flux + 0.5 * PAR.sample_time * u) / (1.0 + 0.5 * PAR.sample_time * R * reluctance)
         flux += PAR.sample_time * (u - R * middle * reluctance)
-        coil = integrated(coil, inputs(voltage=u, current=flux * reluctance), *AS_MEASURED, PAR)[0]
+        coil = integrate_sample(coil, inputs(voltage=u, current=flux * reluctance), *AS_MEASURED, PAR)[0]
     return coil, flux
 
 
@@ -47,16 +47,16 @@ def test_noise_counts_by_the_share_that_the_measured_current_has():
         noise, coil = Random(1), first_coil(inputs(current=0.4), PAR)
         for _ in range(500):
             read = inputs(current=0.4 + noise.gauss(0.0, 20e-3))
-            coil = integrated(coil, read, False, 0.4, share, PAR)[0]
+            coil = integrate_sample(coil, read, False, 0.4, share, PAR)[0]
         spread[share] = coil.flux + 500 * PAR.sample_time * 0.4 * PAR.coil_resistance
     assert spread[0.25] == pytest.approx(0.25 * spread[1.0], rel=1e-6) and abs(spread[1.0]) > 50e-6
 
 
 def test_with_noise_resistance_and_flux_linkage_are_means():
     coil, _ = driven(53.0, 48.0)
-    assert closed(coil, 20.0, 1.0, True, PAR).measured == pytest.approx(48.5, rel=1e-3)
-    assert closed(coil, 1.0, 1.0, True, PAR).measured == pytest.approx(53.0, rel=1e-3)
-    top = topped(coil._replace(top=coil.flux - 1e-3), True, PAR).top
+    assert learn_resistance(coil, 20.0, 1.0, True, PAR).measured == pytest.approx(48.5, rel=1e-3)
+    assert learn_resistance(coil, 1.0, 1.0, True, PAR).measured == pytest.approx(53.0, rel=1e-3)
+    top = average_top(coil._replace(top=coil.flux - 1e-3), True, PAR).top
     assert top == pytest.approx(coil.flux - 0.95e-3, rel=1e-9)
 
 
@@ -65,7 +65,7 @@ def test_resistance_is_the_one_that_closes_the_cycle(R):
     coil, flux = driven(R, 48.0)
     assert open_flux(coil, PAR) == pytest.approx(flux, abs=1e-6)
     assert cycle_resistance(coil, PAR) == pytest.approx(R, rel=2e-4)
-    assert closed(coil, 1.0, 1.0, False, PAR).resistance == pytest.approx(R, rel=2e-4)
+    assert learn_resistance(coil, 1.0, 1.0, False, PAR).resistance == pytest.approx(R, rel=2e-4)
 
 
 def test_right_resistance_follows_the_flux_linkage():
@@ -76,7 +76,7 @@ def test_right_resistance_follows_the_flux_linkage():
 def test_without_current_nothing_is_said_of_the_resistance():
     coil = first_coil(inputs(), PAR)
     for _ in range(500):
-        coil = integrated(coil, inputs(voltage=0.5), *AS_MEASURED, PAR)[0]
+        coil = integrate_sample(coil, inputs(voltage=0.5), *AS_MEASURED, PAR)[0]
     assert cycle_resistance(coil, PAR) == PAR.coil_resistance
 
 
@@ -89,10 +89,10 @@ def test_resistance_stays_within_what_a_coil_can_be():
 def test_what_an_opening_leaves_is_the_zero_unless_it_is_too_large(left, zero):
     coil = first_coil(inputs(), PAR)
     for _ in range(500):
-        coil = integrated(coil, inputs(current=left), *AS_MEASURED, PAR)[0]
-    coil = zeroed(coil, PAR)
+        coil = integrate_sample(coil, inputs(current=left), *AS_MEASURED, PAR)[0]
+    coil = learn_zero(coil, PAR)
     assert coil.zero == pytest.approx(zero, rel=1e-4)
-    assert integrated(coil, inputs(current=left), *AS_MEASURED, PAR)[0].last_current == pytest.approx(
+    assert integrate_sample(coil, inputs(current=left), *AS_MEASURED, PAR)[0].last_current == pytest.approx(
         left - zero, abs=1e-6
     )
 
@@ -101,7 +101,7 @@ def test_resistance_does_not_depend_on_what_an_opening_is_told_of_its_beginning(
     """The mean of the last closings replaces the flux linkage; the cycle still closes as it was measured."""
     coil = driven(48.0, 47.0)[0]._replace(noise=3e-3)
     for off in (0.1e-3, -0.2e-3, 0.05e-3):
-        shifted = topped(coil._replace(top=coil.flux + off), False, PAR)
+        shifted = average_top(coil._replace(top=coil.flux + off), False, PAR)
         assert abs(shifted.flux - coil.flux) == pytest.approx(0.7 * abs(off))
         assert cycle_resistance(shifted, PAR) == pytest.approx(cycle_resistance(coil, PAR), rel=1e-12)
 
@@ -116,7 +116,7 @@ def test_the_cycle_tells_the_resistance_by_the_current_that_is_measured():
 
 def test_closing_that_ends_far_from_the_last_ones_counts_alone():
     coil = first_coil(inputs(), PAR)._replace(flux=18e-3, top=17e-3)
-    coil = topped(coil, False, PAR)
+    coil = average_top(coil, False, PAR)
     assert (coil.flux, coil.top) == (18e-3, 18e-3)
 
 
@@ -157,7 +157,7 @@ def test_mover_that_closes_slowly_is_not_left_open():
         now = coil._replace(last_current=level, held_current=level, late_current=level, highest=0.0, rise=0.0)
         for k in range(300):
             current = level * (1.0 - dip * (k < 100)) + noise.gauss(0.0, 2e-3)
-            now = integrated(now, inputs(voltage=24.0, current=current), *AS_MEASURED, PAR)[0]
+            now = integrate_sample(now, inputs(voltage=24.0, current=current), *AS_MEASURED, PAR)[0]
         rows[dip] = left_open(now._replace(flux=0.7 * coil.flux, charge=0.0, noise=2e-3), PAR)
     assert rows == {0.0: True, 0.03: False}
 
@@ -166,24 +166,24 @@ def test_resistance_is_that_of_an_estimator_only_where_it_explains_its_windows()
     """Else ordinary closings would get the voltage of a wrong one, by up to 1.9."""
     given = {"windows": 4.0, "estimated_resistance": 70.0}
     coil = first_coil(inputs(), PAR)._replace(measured=49.0)
-    assert told(coil, 1.0, inputs(misfit=7.0, **given), PAR).resistance == 49.0
-    assert told(coil, 1.0, inputs(misfit=1.0, **given), PAR).resistance == 70.0
+    assert take_estimates(coil, 1.0, inputs(misfit=7.0, **given), PAR).resistance == 49.0
+    assert take_estimates(coil, 1.0, inputs(misfit=1.0, **given), PAR).resistance == 70.0
 
 
 def test_ordinary_closing_takes_more_current_than_that_which_left_the_mover_open():
     coil = first_coil(inputs(), PAR)._replace(held_current=PAR.voltage_hold / PAR.coil_resistance)
-    assert driving(raised(coil), PAR) == pytest.approx(1.2 * PAR.voltage_hold)
-    assert driving(raised(raised(coil)), PAR) == pytest.approx(1.2 * PAR.voltage_hold)
-    assert driving(raised(coil._replace(held_current=1e3)), PAR) == PAR.voltage_most
-    assert driving(raised(coil._replace(held_current=0.01)), PAR) == PAR.voltage_hold  # it had none
+    assert driving(raise_hold(coil), PAR) == pytest.approx(1.2 * PAR.voltage_hold)
+    assert driving(raise_hold(raise_hold(coil)), PAR) == pytest.approx(1.2 * PAR.voltage_hold)
+    assert driving(raise_hold(coil._replace(held_current=1e3)), PAR) == PAR.voltage_most
+    assert driving(raise_hold(coil._replace(held_current=0.01)), PAR) == PAR.voltage_hold  # it had none
 
 
 @pytest.mark.parametrize(("left", "share"), [(1e-3, 0.5), (-1e-3, 0.5), (20e-3, 1.0)])
 def test_a_current_that_noise_leaves_is_no_zero_at_once(left, share):
     """The mean of the last 0.8 ms has a deviation of 2.2 mA with 20 mA of noise."""
     coil = first_coil(inputs(), PAR)._replace(late_current=left, held_current=left, last_current=left, noise=20e-3)
-    assert zeroed(coil, PAR).zero == pytest.approx(share * left)
-    assert zeroed(coil._replace(noise=0.1e-3), PAR).zero == left
+    assert learn_zero(coil, PAR).zero == pytest.approx(share * left)
+    assert learn_zero(coil._replace(noise=0.1e-3), PAR).zero == left
 
 
 def test_answer_of_the_current_to_a_step_of_the_voltage_is_no_noise():
@@ -191,5 +191,5 @@ def test_answer_of_the_current_to_a_step_of_the_voltage_is_no_noise():
     coil = first_coil(inputs(voltage=40.0, current=0.7), PAR)._replace(held_voltage=40.0)
     for k in range(40):
         u, current = (40.0, 0.7) if k < 20 else (24.0, 0.5)
-        coil = integrated(coil, inputs(voltage=u, current=current), True, 0.0, 1.0, PAR)[0]
+        coil = integrate_sample(coil, inputs(voltage=u, current=current), True, 0.0, 1.0, PAR)[0]
     assert coil.noise < first_coil(inputs(), PAR).noise

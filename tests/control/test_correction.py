@@ -30,7 +30,7 @@ def changed(back, misfit=0.5, published=1.0):
         smoothed_flux_linkage=WANTED - ERROR,
         misfit=misfit,
     )
-    errors = run_to_run.informed(state, given, PAR).errors
+    errors = run_to_run.learn_from_estimator(state, given, PAR).errors
     return {k: value for k, value in enumerate(errors) if value}
 
 

@@ -42,7 +42,7 @@ def test_both_kinds_are_read_as_they_were_written(numbers):
 def test_landings_in_time_make_approaches_as_slow_as_allowed():
     law, speeds = FIRST, []
     for _ in range(8):
-        law = laws.judged(law, 1.0, False, LEAST, PAR)
+        law = laws.choose_approach(law, 1.0, False, LEAST, PAR)
         speeds.append(law.speed)
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[0] == laws.SHRINK * PAR.approach_first and speeds[-1] == PAR.approach_least
@@ -53,7 +53,7 @@ def test_first_approaches_are_slower_once_a_contact_has_handed_over(law, by_mode
     """An estimator has explained the mover by then; alone it begins as it is told, and a slower one stays."""
     par = PAR._replace(law=law, approach_first=0.4)
     known = laws.first(3.4e-3, by_model, par)
-    assert known.speed == laws.doubted(known._replace(speed=LEAST), by_model, par).speed == first
+    assert known.speed == laws.forget(known._replace(speed=LEAST), by_model, par).speed == first
     assert laws.first(3.4e-3, by_model, par._replace(approach_first=0.1)).speed == 0.1
 
 
@@ -61,10 +61,10 @@ def test_first_approaches_are_slower_once_a_contact_has_handed_over(law, by_mode
 def test_approaches_stay_as_fast_as_noise_makes_landings(least, slowest):
     law = FIRST
     for _ in range(8):
-        law = laws.judged(law, 1.0, False, least, PAR)
+        law = laws.choose_approach(law, 1.0, False, least, PAR)
     assert law.speed == law.floor == slowest
     for _ in range(300):  # and the noise goes
-        law = laws.judged(law, 1.0, False, LEAST, PAR)
+        law = laws.choose_approach(law, 1.0, False, LEAST, PAR)
     assert law.speed == pytest.approx(LEAST, abs=1e-3)
 
 
@@ -72,17 +72,17 @@ def test_approaches_stay_as_fast_as_noise_makes_landings(least, slowest):
 @given(speed=SPEEDS, floor=SPEEDS)
 def test_late_landing_makes_the_next_approach_faster_and_leaves_a_floor(has_landed, speed, floor):
     law = FIRST._replace(speed=speed, floor=floor)
-    late = laws.judged(law, has_landed, True, LEAST, PAR)
+    late = laws.choose_approach(law, has_landed, True, LEAST, PAR)
     assert late.speed == pytest.approx(min(speed / laws.SHRINK, PAR.approach_first))
     assert late.floor == pytest.approx(min(max(floor, laws.RAISE * speed), laws.HIGHEST_FLOOR))
-    again = laws.judged(late, 1.0, False, LEAST, PAR)
+    again = laws.choose_approach(late, 1.0, False, LEAST, PAR)
     assert PAR.approach_least <= again.floor <= late.floor and again.speed >= again.floor
 
 
 def test_floor_fades():
     law = FIRST._replace(floor=laws.HIGHEST_FLOOR, speed=0.1)
     for _ in range(300):
-        law = laws.judged(law, 1.0, False, LEAST, PAR)
+        law = laws.choose_approach(law, 1.0, False, LEAST, PAR)
     assert law.floor == pytest.approx(PAR.approach_least, abs=1e-3)
 
 
@@ -91,7 +91,7 @@ def test_misses_are_counted_in_a_row():
     counts, law = [], FIRST
     for has_landed in (0.0, 0.0, 1.0, 0.0):
         law = law._replace(missed=law.missed + laws.UNJUDGED)
-        law = laws.judged(law, has_landed, has_landed < 1.0, LEAST, PAR)
+        law = laws.choose_approach(law, has_landed, has_landed < 1.0, LEAST, PAR)
         counts.append(law.missed)
     assert counts == pytest.approx([1.0, 2.0, 0.0, 1.0])
 
@@ -113,24 +113,24 @@ def test_late_is_what_comes_long_after_it_was_planned_or_never(has_landed, share
 
 def test_travel_gets_longer_but_not_for_ever():
     planned = PAR.closing_travel
-    assert laws.stretched(FIRST, planned) == laws.STRETCH * planned
+    assert laws.stretch_travel(FIRST, planned) == laws.STRETCH * planned
     law = FIRST
     for _ in range(50):
-        law = law._replace(travel=laws.stretched(law, planned))
+        law = law._replace(travel=laws.stretch_travel(law, planned))
     assert law.travel == laws.LONGEST_TRAVEL * planned
 
 
 def test_openings_that_come_late_twice_in_a_row_get_less_flux_linkage_near_their_stop_and_early_ones_no_more():
     """What one late opening says may be noise, and an early one may be an estimator that drifts."""
-    once = laws.eased(FIRST, True, 0.5e-3)
+    once = laws.ease_opening(FIRST, True, 0.5e-3)
     assert not np.any(np.array(once.mean, float))
-    twice = laws.eased(once, True, 0.3e-3)
+    twice = laws.ease_opening(once, True, 0.3e-3)
     assert twice.mean[0] == -twice.mean[1] == pytest.approx(-laws.EASED * 0.3e-3)
-    early = laws.eased(twice, True, -2e-3)
+    early = laws.ease_opening(twice, True, -2e-3)
     assert early.mean[0] == pytest.approx(laws.REMEMBERED * twice.mean[0]) and early.late == 0.0
     law = FIRST
     for _ in range(40):
-        law = laws.eased(law, True, 9.0)
+        law = laws.ease_opening(law, True, 9.0)
     assert law.mean[0] == -laws.EASIEST
-    untold = laws.eased(law, False, 9.0)
+    untold = laws.ease_opening(law, False, 9.0)
     assert untold.mean[0] == law.mean[0] and untold.late == 0.0

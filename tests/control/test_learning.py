@@ -5,7 +5,7 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import laws, learning, run_to_run
-from gapsense.control.mover import NUMBERS, make_mover, moved, squares, started
+from gapsense.control.mover import NUMBERS, make_mover, move, squares, start_at_rest
 from gapsense.control.profile import Operation, arrival, flux, stops
 from gapsense.control.records import LONGEST, Heard
 from gapsense.kernels.layout import blank
@@ -22,11 +22,11 @@ def flown(plan, m):
     """Flux linkage of a slow profile and of a long hold, and the samples of take-off and landing."""
     z0, z1 = stops(plan.is_closing, m)
     fluxes = [flux(min(k * DT, plan.lead + arrival(plan) + 3e-3), plan, make_mover(PAR)) for k in range(490)]
-    at, takeoff = started(z0), 0.0
+    at, takeoff = start_at_rest(z0), 0.0
     for k in range(1, len(fluxes)):
-        at = moved(at, squares(fluxes[k - 1], fluxes[k]), DT, m)
+        at = move(at, squares(fluxes[k - 1], fluxes[k]), DT, m)
         pushed = at.position > z0 if plan.is_closing else at.position < z0
-        at, takeoff = (started(z0), float(k)) if pushed and not takeoff > k else (at, takeoff)
+        at, takeoff = (start_at_rest(z0), float(k)) if pushed and not takeoff > k else (at, takeoff)
         if (at.position - z1) * (z1 - z0) >= 0.0:
             return fluxes, takeoff + 1.0, float(k)
     return fluxes, takeoff + 1.0, 0.0
@@ -43,7 +43,7 @@ def learnt(law, half, operations=3):
     state = state._replace(laws=known, fluxes=memory.tolist() if isinstance(state.fluxes, list) else memory)
     misses = []
     for _ in range(operations + 1):
-        state = learning.begun(
+        state = learning.begin_pass(
             state._replace(heard=blank(Heard, last_mode=3.0, began=1.0, takeoff=takeoff, landing=landing)),
             half,
             0.0,
@@ -51,7 +51,7 @@ def learnt(law, half, operations=3):
             PAR,
         )
         while state.course.last >= state.course.at:
-            last, state = state, learning.worked(state, PAR)
+            last, state = state, learning.work(state, PAR)
         assert last.course.half == half
         misses.append(abs(state.course.motion[0] - stops(half > 0.5, true_mover(law))[1]))
     return laws.read(state.laws, half), misses, landing
@@ -81,7 +81,7 @@ def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
     """More pull at a closing; at an opening less."""
     state, _ = run_to_run.initial(inputs(), PAR)
     state = state._replace(laws=laws.write(state.laws, half, laws.first(PAR.closing_travel, 0.0, PAR)))
-    state = learning.begun(state._replace(heard=blank(Heard, last_mode=3.0, began=1.0)), half, 0.0, 0.0, PAR)
+    state = learning.begin_pass(state._replace(heard=blank(Heard, last_mode=3.0, began=1.0)), half, 0.0, 0.0, PAR)
     assert laws.read(state.laws, half).mean[0] == pytest.approx(sign * learning.STUCK)
     assert state.course.last < state.course.at  # and there is nothing to compute
 
@@ -89,7 +89,7 @@ def test_mover_that_stays_is_believed_to_need_more_to_leave(half, sign):
 def test_nothing_is_learnt_where_the_contact_was_not_heard():
     state, _ = run_to_run.initial(inputs(), PAR)
     state = state._replace(laws=laws.write(state.laws, 1.0, laws.first(PAR.closing_travel, 0.0, PAR)))
-    state = learning.begun(state._replace(heard=blank(Heard)), 1.0, 0.0, 0.0, PAR)
+    state = learning.begin_pass(state._replace(heard=blank(Heard)), 1.0, 0.0, 0.0, PAR)
     assert not laws.read(state.laws, 1.0).mean.any() and state.course.last < state.course.at
 
 
@@ -107,7 +107,7 @@ def test_slopes_of_soft_landings_are_steady_and_those_of_an_ordinary_one_are_not
 def test_other_damping_is_found_by_approaches_of_different_speed():
     """What `a`, `b` and `q` cannot be: a mover that is held back while it is fast, and not where it is slow."""
     state, _ = run_to_run.initial(inputs(), PAR)
-    known = laws.write(state.laws, 1.0, laws.doubted(laws.first(PAR.closing_travel, 0.0, PAR), 0.0, PAR))
+    known = laws.write(state.laws, 1.0, laws.forget(laws.first(PAR.closing_travel, 0.0, PAR), 0.0, PAR))
     state, true = state._replace(laws=known), true_mover((0.0, 0.0, 0.0, 0.5))
     for speed in 3 * [0.4, 0.25, 0.15, 0.08]:
         plan = Operation(1.0, 1.5e-3, 3.4e-3, 3.5e-3, 80e-6, speed, 0.0)
@@ -115,9 +115,9 @@ def test_other_damping_is_found_by_approaches_of_different_speed():
         memory = np.zeros(2 * LONGEST)
         memory[LONGEST:][: len(fluxes)] = fluxes
         heard = blank(Heard, last_mode=3.0, began=1.0, takeoff=takeoff, landing=landing)
-        state = learning.begun(state._replace(fluxes=memory, heard=heard), 1.0, 0.0, 0.0, PAR)
+        state = learning.begin_pass(state._replace(fluxes=memory, heard=heard), 1.0, 0.0, 0.0, PAR)
         while state.course.last >= state.course.at:
-            state = learning.worked(state, PAR)
+            state = learning.work(state, PAR)
     law = laws.read(state.laws, 1.0)
     assert landing > 0.0 and law.mean[3] > 0.25
     assert abs(state.course.motion[0] - PAR.stop_lower) < 50e-6
@@ -132,4 +132,4 @@ def test_change_in_each_operation_is_expected_again():
         still = learning._learnt(still, np.array([-0.05]), H, noise, 0.0, np.ones(4))
     assert steady.trend[0] < 0.0 and not np.any(np.array(still.trend, float))
     assert steady.mean[0] < still.mean[0] < 0.0
-    assert not np.any(np.array(laws.doubted(steady, 0.0, PAR).trend, float))
+    assert not np.any(np.array(laws.forget(steady, 0.0, PAR).trend, float))

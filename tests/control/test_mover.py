@@ -15,10 +15,10 @@ from gapsense.control.mover import (
     force,
     gap_slopes,
     make_mover,
-    moved,
+    move,
     squared_flux,
     squares,
-    started,
+    start_at_rest,
 )
 
 LAWS = st.tuples(*[st.floats(-0.3, 0.3)] * NUMBERS)
@@ -34,8 +34,8 @@ def test_balance_is_the_flux_linkage_without_acceleration(law, z):
     m = a_mover(law)
     B = balance(z, m)
     assert squared_flux(z, 0.0, 0.0, m) == pytest.approx(B)
-    assert moved(started(z), B, 1e-5, m).velocity == pytest.approx(0.0, abs=1e-12)
-    assert moved(started(z), 1.1 * B, 1e-5, m).velocity < 0.0 < moved(started(z), 0.9 * B, 1e-5, m).velocity
+    assert move(start_at_rest(z), B, 1e-5, m).velocity == pytest.approx(0.0, abs=1e-12)
+    assert move(start_at_rest(z), 1.1 * B, 1e-5, m).velocity < 0.0 < move(start_at_rest(z), 0.9 * B, 1e-5, m).velocity
 
 
 def test_balance_is_force_over_slope_of_the_gap():
@@ -50,7 +50,9 @@ def test_balance_is_force_over_slope_of_the_gap():
 def test_flux_linkage_gives_the_acceleration_that_was_asked_for(law, z, v, a):
     m = a_mover(law)
     squared = squared_flux(z, v, a, m)
-    assert (moved(started(z)._replace(velocity=v), squared, 1e-6, m).velocity - v) / 1e-6 == pytest.approx(a, abs=1e-5)
+    assert (move(start_at_rest(z)._replace(velocity=v), squared, 1e-6, m).velocity - v) / 1e-6 == pytest.approx(
+        a, abs=1e-5
+    )
 
 
 @settings(max_examples=15)
@@ -60,9 +62,9 @@ def test_derivatives_are_those_of_the_motion(law, share, bends):
     changed = {"gap_factor": 1.05, "gap_bend": 1e7} if bends else {}
 
     def motion(law):
-        m, at = a_mover(law, **changed), started(0.9e-3)
+        m, at = a_mover(law, **changed), start_at_rest(0.9e-3)
         for k in range(120):
-            at = moved(at, share * 1.2e-4 * (1.0 + math.sin(0.05 * k)), 20e-6, m)
+            at = move(at, share * 1.2e-4 * (1.0 + math.sin(0.05 * k)), 20e-6, m)
         return at
 
     at, h = motion(law), 1e-5

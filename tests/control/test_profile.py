@@ -7,7 +7,7 @@ from commanded import parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense.control.mover import balance, make_mover, moved, squares, started
+from gapsense.control.mover import balance, make_mover, move, squares, start_at_rest
 from gapsense.control.profile import FROM, Operation, arrival, flux, is_planned, path, stops
 
 MOVER = make_mover(parameters())
@@ -70,12 +70,12 @@ def test_flux_linkage_moves_the_mover_along_the_path(plan, stiffer, lighter):
     m = MOVER._replace(balance=math.log(stiffer), lightness=math.log(lighter))
     plan = plan._replace(travel=max(plan.travel, 4e-3))
     z0, _ = stops(plan.is_closing, m)
-    at, dt, tau = started(z0), 5e-6, 0.0
+    at, dt, tau = start_at_rest(z0), 5e-6, 0.0
     while tau < FROM * plan.travel - dt:
         old, new = (flux(plan.lead + t, plan, m) for t in (tau, tau + dt))
         if new <= 1.1e-3:
             return  # this mover cannot be that fast: no flux linkage accelerates the spring
-        at, tau = moved(at, squares(old, new), dt, m), tau + dt
+        at, tau = move(at, squares(old, new), dt, m), tau + dt
     wanted = path(tau, plan, m)
     assert at.position == pytest.approx(wanted.position, abs=4e-6)
     assert at.velocity == pytest.approx(wanted.velocity, abs=0.02)

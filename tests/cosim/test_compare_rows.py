@@ -9,7 +9,7 @@ import pytest
 from test_compare_cli import gapsense, results, three  # noqa: F401  # three results, of 11 rows each
 
 from gapsense import Scenario
-from gapsense._os.files import SEAL, sealed
+from gapsense._os.files import SEAL, seal
 from gapsense.cosim import compare_results, test_scenario, update_baseline
 from gapsense.cosim.result.compare import apart
 
@@ -89,7 +89,7 @@ def test_unit_in_a_head_is_held_against_the_side_car(results):  # noqa: F811
     assert done.exit_code == 2 and "SHA-256" in done.output
     data = json.loads(beside.read_text())
     data = {name: value for name, value in data.items() if name != SEAL}
-    beside.write_text(json.dumps(sealed({**data, "sha256": hashlib.sha256(text.encode()).hexdigest()})))
+    beside.write_text(json.dumps(seal({**data, "sha256": hashlib.sha256(text.encode()).hexdigest()})))
     done = gapsense("compare", "same.csv", "a.csv")
     assert done.exit_code == 2 and "`lag.y` is in `mV`, `V` is expected" in " ".join(done.output.split())
 

@@ -18,7 +18,7 @@ from faulty import FAULTY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gapsense._os.interrupts import counted
+from gapsense._os.interrupts import count_interrupts
 from gapsense.cosim import run
 from gapsense.cosim.run.events import Effect
 from gapsense.cosim.run.loop import compiled
@@ -207,7 +207,7 @@ def test_ctrl_c_ends_a_run_in_which_only_c_is_busy():
         trial.marks[STOP] = 1
 
     advance = in_c(trial.work(0))
-    with counted(then=stop):
+    with count_interrupts(then=stop):
         Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
         while not trial.marks[STOP]:
             done = advance(forever)

@@ -23,7 +23,7 @@ from gapsense.estimators.mhe.model import (
     point,
 )
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.emit import compiled
+from gapsense.kernels.emit import compile_graph
 from gapsense.kernels.kernel import Kernel, trace
 from gapsense.kernels.layout import Scalar, fields, flat, names, record
 from gapsense.scenarios.estimators.parameters import VALVE, Valve, reduced
@@ -61,7 +61,7 @@ def _advance() -> Callable[..., Any]:
         new = advance(p, u.voltage, m)
         return new, Seen(current(new, mean_of(p.voltage, u.voltage, m), m))
 
-    return compiled(trace(follow, {"p": Point, "u": Level, "m": Model}))
+    return compile_graph(trace(follow, {"p": Point, "u": Level, "m": Model}))
 
 
 def model_run(start: Point, voltage: Iterable[float], m: Model) -> Run:

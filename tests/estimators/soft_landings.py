@@ -11,7 +11,7 @@ import soft_plant
 from gapsense.estimators.mhe import mhe
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import stepped
+from gapsense.kernels.lanes import step_runs
 from gapsense.kernels.layout import flat
 from gapsense.scenarios.estimators.parameters import VALVE, reduced
 from gapsense.studies.devices import RTS_VALVE
@@ -97,7 +97,7 @@ def references(par: dict[str, np.ndarray], dt: float, seed: int) -> np.ndarray:
 def landings(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1) -> Landings:
     par = actuators(seed, restitution)
     values = [par.get(name, value) for name, value in RTS_VALVE._asdict().items()]
-    found = stepped(Kernel(soft_plant), references(par, dt, seed), values)
+    found = step_runs(Kernel(soft_plant), references(par, dt, seed), values)
     return Landings(dt, *(found[:, k] for k in range(5)), scale=par["stop_lower"] / RTS_VALVE.stop_lower)
 
 
@@ -112,7 +112,7 @@ def estimated(dt: float = 20e-6, restitution: float = 0.0, seed: int = 1, pace: 
     options |= {"sample_time": dt, "window.pace": pace}
     par = kernel_parameters(own("mhe"), {**reduced(VALVE), **BLIND, **TOLD, **options})
     given = np.stack([np.broadcast_to(k * dt, noisy.shape), s.voltage, noisy, command], axis=1)
-    found = stepped(Kernel(mhe), given, flat(par), SHOWN)
+    found = step_runs(Kernel(mhe), given, flat(par), SHOWN)
     return {name: found[:, j] for j, name in enumerate(SHOWN)}
 
 

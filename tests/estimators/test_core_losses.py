@@ -15,13 +15,13 @@ from test_ukf import record as ukf_record
 from valve_signals import exact, valve
 
 from gapsense.estimators import ekf, ertss, ukf
-from gapsense.estimators.core_losses import advanced, bent, lossy
+from gapsense.estimators.core_losses import advance_hysteresis, bent_reluctance, lossy
 from gapsense.estimators.ekf import process_noise, tuning
 from gapsense.estimators.ertss import backward
 from gapsense.estimators.kalman import Gaussian, predict
 from gapsense.estimators.motions import room_for
-from gapsense.estimators.readings import believed
-from gapsense.estimators.reduced_model import FLUX_LINKAGE, Held, after, normalised, transition
+from gapsense.estimators.readings import believed_resistance
+from gapsense.estimators.reduced_model import FLUX_LINKAGE, Held, after, normalise_model, transition
 from gapsense.estimators.rts import smooth_record
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.kernel import Kernel
@@ -53,7 +53,7 @@ def test_current_closes_the_circuit(f: float, h: float, u: float, x: float) -> N
 def test_without_losses_nothing_changes_by_a_bit(f: float, h: float, u: float) -> None:
     none = Core(eddy=0.0, amplitude=0.0)
     assert lossy(f, 10e-3, Held(u, 2.0, h), none) is f
-    assert advanced(h, 10e-3, u, none) is h
+    assert advance_hysteresis(h, 10e-3, u, none) is h
 
 
 @given(numbers, st.floats(-1.2, 1.2), numbers)
@@ -62,15 +62,17 @@ def test_hysteresis_is_the_solution_of_its_equation(h: float, x: float, change: 
     L = core.length * max(0.1, 1.0 - 0.9 * x * x)
     s = math.copysign(1.0, change)
     solved = solve_ivp(lambda _, y: (core.amplitude - s * y) / L, (0.0, change), [h], rtol=1e-10, atol=1e-14)
-    assert advanced(h, x * core.lam_sat, change, core) == pytest.approx(solved.y[0, -1], abs=1e-8 * core.amplitude)
+    assert advance_hysteresis(h, x * core.lam_sat, change, core) == pytest.approx(
+        solved.y[0, -1], abs=1e-8 * core.amplitude
+    )
 
 
 @given(numbers, numbers, st.floats(0.0, 1.0))
 def test_hysteresis_does_not_depend_on_how_a_change_is_cut(h: float, change: float, part: float) -> None:
     core, h, change = Core(lam_sat=1e9), 10e-3 * h, 4e-3 * change
-    first = advanced(h, 0.0, part * change, core)
-    parts = advanced(first, part * change, (1.0 - part) * change, core)
-    assert parts == pytest.approx(advanced(h, 0.0, change, core), abs=1e-12)
+    first = advance_hysteresis(h, 0.0, part * change, core)
+    parts = advance_hysteresis(first, part * change, (1.0 - part) * change, core)
+    assert parts == pytest.approx(advance_hysteresis(h, 0.0, change, core), abs=1e-12)
     assert abs(parts) <= core.amplitude
 
 
@@ -82,7 +84,7 @@ def test_area_of_a_loop(A: float) -> None:
     lam = np.concatenate([*[up, up[-2:0:-1]] * 20, up[:1]])
     h = [0.0]
     for a, b in zip(lam, lam[1:]):
-        h.append(advanced(h[-1], a, b - a, core))
+        h.append(advance_hysteresis(h[-1], a, b - a, core))
     last = slice(-2 * n - 1, None)
     rest = core.length * math.tanh(A / core.length)
     assert max(h[last]) == pytest.approx(core.amplitude * rest / core.length, rel=1e-6)
@@ -91,8 +93,8 @@ def test_area_of_a_loop(A: float) -> None:
 
 @pytest.mark.parametrize("x", [0.0, 0.3, 0.9, 0.9499, 0.9501, 1.3])
 def test_bend_is_smooth_and_has_its_derivative(x: float) -> None:
-    found, rate = bent(x, 1.5e6, 8e6)
-    low, high = (bent(x + d, 1.5e6, 8e6)[0] for d in (-1e-6, 1e-6))
+    found, rate = bent_reluctance(x, 1.5e6, 8e6)
+    low, high = (bent_reluctance(x + d, 1.5e6, 8e6)[0] for d in (-1e-6, 1e-6))
     assert rate == pytest.approx((high - low) / 2e-6, rel=1e-6, abs=10.0)
     if x < 0.95:
         assert found == pytest.approx(1.5e6 + 8e6 * x**2 / (1.0 - x**2), rel=1e-12)
@@ -144,8 +146,8 @@ def test_wired_resistance_is_the_parameter_bit_for_bit(module: Any, losses: dict
 
 @pytest.mark.parametrize("value", [0.0, -0.0, -48.0, math.nan, math.inf, -math.inf])
 def test_parameter_counts_where_the_input_is_no_resistance(value: float) -> None:
-    assert believed(value, 50.0) == 50.0
-    assert believed(48.0, 50.0) == 48.0
+    assert believed_resistance(value, 50.0) == 50.0
+    assert believed_resistance(48.0, 50.0) == 48.0
 
 
 @pytest.mark.parametrize("module", KERNELS, ids=lambda m: m.__name__)
@@ -169,7 +171,7 @@ def test_all_filters_carry_the_same_hysteresis_where_nothing_is_uncertain(noise:
 
 def test_hysteresis_follows_the_model_and_not_its_corrections() -> None:
     par = exact(**LOSSES)
-    m, x = normalised(par), vector([1.0, 1.0, 5e-3, 0.0, 0.0])
+    m, x = normalise_model(par), vector([1.0, 1.0, 5e-3, 0.0, 0.0])
     state, _ = ekf.initial(ekf.Inputs(30.0, 0.0, 3.0), par)
     state = state._replace(x=x, P=np.diag([0.0, 0.0, 1e-8, 1e-6, 0.0]).astype(object), hysteresis=-4e-3)
     held = Held(30.0, 3.0, -4e-3)
@@ -181,7 +183,7 @@ def test_hysteresis_follows_the_model_and_not_its_corrections() -> None:
 def test_smoother_repeats_the_prediction_of_the_filter() -> None:
     """What the next sample is predicted to be teaches nothing, to the last bit."""
     par = exact(**LOSSES)
-    m, held = normalised(par)._replace(R=81.0), Held(12.0, 2.0, 3e-3)
+    m, held = normalise_model(par)._replace(R=81.0), Held(12.0, 2.0, 3e-3)
     x, P = vector([0.4, 0.42, 18e-3, 1e-3, -1e-4]), np.diag([1e-4, 1e-4, 1e-8, 1e-6, 1e-10]).astype(object)
     ahead, F = linearise(transition, x, held, m)
     later = Gaussian(ahead, predict(P, F, process_noise(m, tuning(par))))
@@ -202,7 +204,7 @@ def test_smoother_keeps_resistance_and_hysteresis_of_every_sample() -> None:
             kept[place] = (state.filter.voltage, R, state.filter.hysteresis)
     assert len(kept) > 50
     for place, values in kept.items():
-        assert ertss._loaded(state.samples, place, room_for(par.motion_memory))[1:] == values
+        assert ertss._load(state.samples, place, room_for(par.motion_memory))[1:] == values
 
 
 def test_smoother_of_records_and_component_agree_with_losses() -> None:

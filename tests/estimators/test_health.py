@@ -23,7 +23,7 @@ from servo import served
 from gapsense.actuators import reluctance_actuator
 from gapsense.cosim import load
 from gapsense.estimators import ekf, hybrid_ekf, readings, ukf
-from gapsense.estimators.watch import Limits, Now, compared, stationary, unknown
+from gapsense.estimators.watch import Limits, Now, compare_with_usual, nothing_known, stationary
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, gap_table, tabulated
@@ -359,11 +359,11 @@ CLOSING = [(30.0, 20, 1.0), (0.0, 20, 3.0)]  # voltages, samples of each, and th
     ids=["a servo's", "that of an operation", "a driver that always boosts", "a servo's that opens"],
 )
 def test_a_voltage_that_pulled_nothing_tells_no_supply(phases: list[tuple[float, int, float]], supply: float) -> None:
-    usual, voltage, limits = unknown(), 0.0, Limits(50.0, 1e9, 0.0)
+    usual, voltage, limits = nothing_known(), 0.0, Limits(50.0, 1e9, 0.0)
     for volts, samples, leaves in phases:
         for k in range(samples):
             now = Now(0.0, 0.0, True, leaves * (k == samples - 1), volts != voltage, volts, voltage)
-            usual, voltage = compared(usual, now, limits, 8.0, 16.0), volts
+            usual, voltage = compare_with_usual(usual, now, limits, 8.0, 16.0), volts
     assert usual.supply == supply
 
 

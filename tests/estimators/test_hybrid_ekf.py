@@ -14,7 +14,7 @@ from magnet_signals import PLANTS, PULSES, T_S, changes_of, exact, faulty, magne
 from magnets import POT_MAGNET
 
 from gapsense.estimators import hybrid_ekf
-from gapsense.estimators.hybrid_ekf import Held, Inputs, extrapolated, model, moving, resting
+from gapsense.estimators.hybrid_ekf import Held, Inputs, extrapolate, model, moving, resting
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
@@ -52,7 +52,7 @@ def test_jacobian_of_each_mode_equals_complex_step(orientation: str, mode: int, 
     i, s, v = 0.2 * rng.standard_normal(), mod.s_max * rng.random(), 0.1 * rng.standard_normal()
     R = mod.K7 if mode >= 3 else mod.K6
     if mode in (1, 4):
-        function, x, held = extrapolated, [i, s, v], Held(24.0, R, 0.0, T_S)
+        function, x, held = extrapolate, [i, s, v], Held(24.0, R, 0.0, T_S)
     else:
         function, x, held = resting, [i], Held(24.0, R, 0.0 if mode == 0 else mod.s_max, T_S)
     values, F = linearise(function, vector(x), held, mod)
@@ -89,13 +89,13 @@ def test_jacobian_of_motion_is_right_to_first_order(orientation: str) -> None:
     for dt in (4e-5, 2e-5, 1e-5):
         held = Held(24.0, mod.K6, 0.0, dt)
         fine = complex_step(lambda x, held, mod: flown(x, mod, held.dt, 50), start, held, mod)
-        coarse = np.array(linearise(extrapolated, vector(start), held, mod)[1], float)
+        coarse = np.array(linearise(extrapolate, vector(start), held, mod)[1], float)
         errors.append(np.abs((coarse - fine) * unit / unit[:, None]).max())
     assert np.log2(np.divide(errors[:-1], errors[1:])) == pytest.approx(2.0, abs=0.25)
 
 
 @both
-@pytest.mark.parametrize("method", [extrapolated, lambda x, held, mod: flown(x, mod, held.dt, 1)], ids=["F", "x"])
+@pytest.mark.parametrize("method", [extrapolate, lambda x, held, mod: flown(x, mod, held.dt, 1)], ids=["F", "x"])
 def test_small_steps_solve_the_printed_equations(method: Any, orientation: str) -> None:
     """(17) written out, with the motional term, against the difference quotient of a tiny step."""
     p = PLANTS[orientation]
@@ -142,7 +142,7 @@ def test_equals_the_textbook_filter_in_the_air() -> None:
     scale = np.array([0.1, 1e-4, 0.1])
     for measured in (0.118, 0.119, 0.117, 0.115, 0.117):
         held = Held(24.0, mod.K6, 0.0, T_S)
-        F = complex_step(extrapolated, x.tolist(), held, mod)
+        F = complex_step(extrapolate, x.tolist(), held, mod)
         x, P = np.array(flown(x.tolist(), mod, T_S, 1), float), F @ P @ F.T + Q
         K = P[:, 0] / (P[0, 0] + par.noise_current**2)
         x, P = x + K * (measured - x[0]), P - np.outer(K, P[0])

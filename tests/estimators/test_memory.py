@@ -13,7 +13,7 @@ import pytest
 from lossy_valve import HALF, START, T_S, believed, square_wave
 
 from gapsense.estimators.ekf import process_noise, tuning
-from gapsense.estimators.reduced_model import normalised
+from gapsense.estimators.reduced_model import normalise_model
 from gapsense.estimators.rts import Estimates, smooth_record
 
 
@@ -80,7 +80,7 @@ def test_the_tuning_holds_at_another_sampling_period() -> None:
     paper, found = (errors(believed(memory, sample_time=5e-6)) for memory in (0.0, None))
     assert paper.ekf < 70.0 and found.ekf < 6.0 and found.ertss < 1.2  # 65, 4.7 and 1.04 um
     fast, usual = (
-        np.array(process_noise(normalised(p), tuning(p)), float) for p in (believed(sample_time=5e-6), believed())
+        np.array(process_noise(normalise_model(p), tuning(p)), float) for p in (believed(sample_time=5e-6), believed())
     )
     np.testing.assert_allclose(4.0 * fast, usual, rtol=1e-15)
     par = believed()

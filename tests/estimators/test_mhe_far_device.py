@@ -17,7 +17,7 @@ from gapsense.actuators import play_actuator
 from gapsense.estimators import readings
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import stepped
+from gapsense.kernels.lanes import step_runs
 
 PLAY = kernel_parameters(own("play_actuator"), {})
 WRONG = ("mover_mass", "spring_stiffness", "damping", "gap_slope", "coil_resistance", "core_reluctance",
@@ -48,7 +48,7 @@ def played(seed: int, runs: int, volts: tuple[float, float] = (24.0, 32.0)) -> P
     level = np.where((k > 0) & ((k - 1) // (2 * HALF) % 2 == 0), 1.0, 0.0)[:, None] * rng.uniform(*volts, runs)
     dt, shape = 0.5 * T_S, level.shape
     given = np.stack([np.broadcast_to(k[:, None] * dt, shape), np.full(shape, dt), level], axis=1)
-    found = stepped(Kernel(play_actuator), given, tuple(par.values()), ("current", "position", "mode"))[::2]
+    found = step_runs(Kernel(play_actuator), given, tuple(par.values()), ("current", "position", "mode"))[::2]
     noise = rng.standard_normal((2, *found[:, 0].shape))
     return Played(level[::2] + 30e-3 * noise[0], found[:, 0] + 2e-3 * noise[1], found[:, 1], found[:, 2] == 2.0)
 

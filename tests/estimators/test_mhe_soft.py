@@ -168,10 +168,10 @@ def test_what_changes_steadily_is_expected_to_go_on() -> None:
         told = learnt
         for _ in range(100):
             step = np.zeros(window.N)
-            step[[7, 8]] = solve._ahead((told.rest_trend, told.damping_trend))
+            step[[7, 8]] = solve._expected_change((told.rest_trend, told.damping_trend))
             rest, damping = solve._trends(told, steps - step, 1.0, par)
             told = told._replace(rest_trend=rest, damping_trend=damping)
-        found = solve._ahead((told.rest_trend, told.damping_trend))
+        found = solve._expected_change((told.rest_trend, told.damping_trend))
         wanted = [-0.006 + 0.0006, -0.01 + 0.0016] if steps is change else [0.0, 0.0]  # rest: no more than counts
         assert found == pytest.approx(wanted, rel=1e-3, abs=1e-12)
         assert solve._trends(told, 5.0 * change, 1.0, par) == [0.0, 0.0]

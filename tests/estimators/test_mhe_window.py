@@ -37,7 +37,7 @@ def test_twelve_turns_are_minus_the_inverse(seed: int, spread: float) -> None:
     A = scale[:, None] * (root @ root.T) * scale
     found = matrix(A.tolist())
     for _ in range(12):
-        found = linalg.swept(found)
+        found = linalg.sweep(found)
     identity = (-np.array(found, float) * scale[:, None] * scale) @ (root @ root.T)
     np.testing.assert_allclose(identity, np.eye(12), atol=1e-9)
 

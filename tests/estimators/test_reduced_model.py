@@ -18,14 +18,14 @@ from gapsense.estimators.reduced_model import (
     acceleration,
     gap_law,
     magnetic_force,
-    normalised,
+    normalise_model,
     observation,
     rest,
     transition,
 )
 from gapsense.kernels.derivative import linearise
 
-MODEL = normalised(defaults(ekf, process_current_error_memory=0.0))
+MODEL = normalise_model(defaults(ekf, process_current_error_memory=0.0))
 STATES = [
     [1.0, 1.0, 0.0, 0.0, -1e-3],
     [0.4, 0.43, 0.015, 0.02, 1e-4],
@@ -90,10 +90,10 @@ def test_gap_table_is_twice_differentiable_everywhere() -> None:
 
 def test_table_of_the_formula_is_the_formula() -> None:
     par = defaults(ekf, gap_law=1.0)
-    table, formula = normalised(par), normalised(par._replace(gap_law=0.0))
+    table, formula = normalise_model(par), normalise_model(par._replace(gap_law=0.0))
     for z in np.linspace(-0.1, 1.1, 25):
         assert gap_law(z, table) == pytest.approx(gap_law(z, formula), rel=3e-4)
-    assert hash(table) == hash(normalised(par))
+    assert hash(table) == hash(normalise_model(par))
 
 
 @pytest.mark.parametrize("x", STATES)
@@ -110,7 +110,7 @@ def test_transition_and_its_jacobian(x: list[float], q: int, memory: float) -> N
 
 def test_memory_is_a_time_constant_and_zero_stands_for_the_paper() -> None:
     def memory(**changes: float) -> float:
-        return float(normalised(defaults(ekf, **changes)).memory)
+        return float(normalise_model(defaults(ekf, **changes)).memory)
 
     assert memory() == pytest.approx(np.exp(-20.0 / 660.0), rel=1e-15)
     assert memory(sample_time=5e-6) ** 4 == pytest.approx(memory(), rel=1e-14)

@@ -14,7 +14,7 @@ from valve_signals import AREA, T_S, WINDOW, exact, valve
 
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.estimators.ekf import process_noise
-from gapsense.estimators.reduced_model import Held, normalised, observation, transition
+from gapsense.estimators.reduced_model import Held, normalise_model, observation, transition
 from gapsense.estimators.rts import Operation, Posterior, motions, smooth_record
 from gapsense.kernels.derivative import linearise
 
@@ -48,7 +48,7 @@ def test_equals_batch_conditioning_of_the_linearised_problem(options: dict[str, 
     """From a start where the positions are known exactly to the landing, measured without noise."""
     tuning = {"noise_current": 1e-3, "process_flux_linkage": 2e-5 if "option_force_error" in options else 2e-6}
     par = exact(**options, **tuning)
-    p, s, m = posterior(**options, **tuning), valve(), normalised(par)
+    p, s, m = posterior(**options, **tuning), valve(), normalise_model(par)
     current = s.current + noise()[: s.current.size]
     first, landed = next((o.first, o.landed) for o in p.operations if is_never_projected(p, o))
     Fs, offsets, Hs, Rs, ys = [], [], [np.zeros((0, 5))], [np.zeros(0)], [np.zeros(0)]

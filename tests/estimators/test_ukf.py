@@ -95,7 +95,7 @@ def test_prediction_has_the_moments_of_monte_carlo(noise: float) -> None:
     root = np.array([[1e-4, 0, 0, 0], [2e-6, 4e-6, 0, 0], [2e-6, 3e-6, 1e-6, 0], [1e-3, -2e-3, 1e-3, 3e-3]])
     Q = np.array(ukf._process_noise(par), float)
     before, held = Gaussian(np.array(x, object), np.array(root @ root.T, object)), Held(24.0, 0.0, 0.0)
-    found, _ = ukf._predicted(before, held, ukf._model(par, par.coil_resistance), par)
+    found, _ = ukf._predict(before, held, ukf._model(par, par.coil_resistance), par)
     rng, samples = np.random.default_rng(4), 400_000
     drawn = x[:, None] + root @ rng.standard_normal((4, samples))
     p = VALVE | {"phi": ukf.ROBUST.memory}

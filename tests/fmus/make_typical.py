@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT / "src"))
 from gapsense import cosim
 from gapsense.cosim.scenario.records import Record
 from gapsense.fmi.components import find_components, load_component
-from gapsense.fmi.picture import FILE, drawn
+from gapsense.fmi.picture import FILE, signals_by_panel
 
 SPAN, ROWS = 40e-3, 200  # s of the end of a run, and rows at most
 
@@ -39,7 +39,7 @@ def main(names: list[str]) -> None:
     chosen = dict(name.partition("=")[::2] for name in names)
     for folder in find_components(ROOT / "fmus", list(chosen)):
         component = load_component(folder)
-        ports = [port for panel in drawn(component) for port in panel]
+        ports = [port for panel in signals_by_panel(component) for port in panel]
         if found := example(component.name, chosen.get(folder.name) or "*"):
             write(folder / FILE, found, {port.name: port.unit for port in ports})
 

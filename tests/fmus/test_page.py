@@ -60,7 +60,7 @@ def test_page_follows_the_colours_of_the_reader(html):
 def test_picture_shows_the_signals_of_its_file_within_its_frame(folder, html):
     drawing = ElementTree.fromstring(re.search(r"<svg.*?</svg>", html, re.DOTALL).group())
     width, height = map(float, drawing.attrib["viewBox"].split()[2:])
-    names = [port.name for panel in picture.drawn(load_component(folder)) for port in panel]
+    names = [port.name for panel in picture.signals_by_panel(load_component(folder)) for port in panel]
     assert [t.text for t in drawing.iter("text") if t.get("class", "").startswith("c")] == names
     lines = [line.attrib["points"].split() for line in drawing.iter("polyline")]
     assert len(lines) == len(names) and min(map(len, lines)) > 50
@@ -71,7 +71,7 @@ def test_picture_shows_the_signals_of_its_file_within_its_frame(folder, html):
 
 def test_file_of_the_picture_has_its_signals_with_units(folder):
     comment, header, *rows = (folder / picture.FILE).read_text("utf-8").splitlines()
-    ports = [port for panel in picture.drawn(load_component(folder)) for port in panel]
+    ports = [port for panel in picture.signals_by_panel(load_component(folder)) for port in panel]
     assert comment.startswith("# A typical run: `")
     assert header.split(",") == ["time [s]", *(f"{port.name} [{port.unit}]" for port in ports)]
     times = [float(row[0]) for row in csv.reader(rows)]

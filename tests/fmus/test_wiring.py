@@ -14,7 +14,7 @@ from parts import FOLDERS, Part
 from gapsense.cosim import check
 from gapsense.cosim.scenario.read import Document
 from gapsense.fmi.components import load_component
-from gapsense.fmi.page import ROLES, called, chapter, snippet
+from gapsense.fmi.page import ROLES, chapter, example_name, snippet
 from gapsense.fmi.ports import Component
 from gapsense.tables import merge_tables
 
@@ -35,7 +35,7 @@ HEAD = {"title": "pasted", "experiment": {"stop": 1e-3, "base_step": 1e-4}}  # a
 
 def pasted(component: Component, name: str) -> dict:
     """The tables of the page, with another name for the component."""
-    return tomllib.loads(snippet(component).replace(called(component), name))
+    return tomllib.loads(snippet(component).replace(example_name(component), name))
 
 
 def roles_of(component: Component) -> Iterable[str]:
@@ -68,6 +68,6 @@ def test_page_tells_the_wiring_and_the_sample_time(part: Part):
 
 
 def test_name_of_the_example_is_one_of_toml():
-    assert [called(c) for c in COMPONENTS if c.name in ("BoundedUkf", "Mhe")] == ["bounded_ukf", "mhe"]
+    assert [example_name(c) for c in COMPONENTS if c.name in ("BoundedUkf", "Mhe")] == ["bounded_ukf", "mhe"]
     with pytest.raises(StopIteration):
         next(c.name for c in COMPONENTS if "`" in snippet(c) or "``" in chapter(c).replace("```", ""))

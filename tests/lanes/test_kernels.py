@@ -10,7 +10,7 @@ import pytest
 from kernel_cases import input_sequence, kernel, kernel_modules, parameters
 from traced import graph
 
-from gapsense.kernels.lanes import Code, over_runs, plan, stepped
+from gapsense.kernels.lanes import Code, over_runs, plan, step_runs
 from gapsense.kernels.lanes.kernels import plan_of
 from gapsense.kernels.layout import flat, names
 from gapsense.kernels.trace import where
@@ -54,7 +54,7 @@ def test_every_run_has_the_bits_that_it_has_alone(name, compiler):
     """Also where inputs are zero, tiny or huge."""
     pars, inputs, columns, par = cases(name, degenerate=True)
     assert plan_of(kernel(name), SAMPLES, ()).library
-    found, compared = stepped(kernel(name), columns, par), 0
+    found, compared = step_runs(kernel(name), columns, par), 0
     for run, (given, own) in enumerate(zip(inputs, pars)):
         expected = alone(name, given, own)
         np.testing.assert_array_equal(found[: len(expected), :, run], expected, f"run {run}")
@@ -71,7 +71,7 @@ def test_without_c_every_run_has_its_bits_too_and_is_nan_after_an_error(name, de
     in_python = plan_of.__wrapped__(k, SAMPLES, ())
     in_python.__dict__["library"] = None
     monkeypatch.setattr("gapsense.kernels.lanes.kernels.plan_of", lambda *_: in_python)
-    found = stepped(k, columns, par)
+    found = step_runs(k, columns, par)
     for run, (given, own) in enumerate(zip(inputs, pars)):
         expected = alone(f"gapsense.{name}", given, own)
         np.testing.assert_array_equal(found[: len(expected), :, run], expected)
@@ -90,7 +90,7 @@ def test_runs_may_have_tables_of_their_own(in_c, compiler, monkeypatch):
         plans.__dict__["library"] = None
     values = np.array(par[place])
     par[place] = values[:, None] * factors
-    found = stepped(kernel(name), columns, par)
+    found = step_runs(kernel(name), columns, par)
     for run in (0, 3, RUNS - 1):
         own = pars[run]._replace(**{names_[place]: (values * factors[run]).tolist()})
         np.testing.assert_array_equal(found[:, :, run], alone(name, inputs[run], own))
@@ -136,6 +136,6 @@ def test_chosen_outputs_and_shared_inputs_and_parameters():
     k, (_, _, columns, par) = kernel(name), cases(name, degenerate=False)
     every = names(k.module.Outputs)
     par = [np.mean(v) if i else v for i, v in enumerate(par)]
-    whole = stepped(k, columns[:, :, :1], par)
-    np.testing.assert_array_equal(stepped(k, columns[:, :, :1], par, every[2:0:-1]), whole[:, 2:0:-1])
+    whole = step_runs(k, columns[:, :, :1], par)
+    np.testing.assert_array_equal(step_runs(k, columns[:, :, :1], par, every[2:0:-1]), whole[:, 2:0:-1])
     assert whole.shape == (SAMPLES, len(every), RUNS)

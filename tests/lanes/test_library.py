@@ -31,11 +31,11 @@ FOUND = "[[8.0, 14.0]]"
 def fresh(tmp_path, monkeypatch):
     """An empty cache that nothing of which is known."""
     monkeypatch.setenv(library.CACHE, str(tmp_path / "cache"))
-    for function in (library.loaded, library.tuned, library.own_folder, library._warn):
+    for function in (library.load_library, library.tuning_options, library.own_folder, library._warn):
         function.cache_clear()
         monkeypatch.setattr(library, function.__name__, function)
     yield tmp_path / "cache"
-    library.loaded.cache_clear()
+    library.load_library.cache_clear()
 
 
 def text(number: float = 2.0) -> str:
@@ -53,18 +53,18 @@ def child(**environment: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_library_is_kept_and_found_again(fresh, compiler):
-    first = library.built(text())
+    first = library.build_library(text())
     made = first.stat().st_ino
     assert first.parent == fresh and [*fresh.iterdir()] == [first]
-    assert library.built(text()) == first and first.stat().st_ino == made
-    assert library.built(text(3.0)) != first
+    assert library.build_library(text()) == first and first.stat().st_ino == made
+    assert library.build_library(text(3.0)) != first
 
 
 def test_other_options_and_compilers_have_libraries_of_their_own(fresh, compiler, monkeypatch):
-    first = library.built(text())
+    first = library.build_library(text())
     monkeypatch.setattr(library, "FLAGS", (*library.FLAGS, "-DOTHER"))
-    library.tuned.cache_clear()
-    assert library.built(text()) != first
+    library.tuning_options.cache_clear()
+    assert library.build_library(text()) != first
 
 
 def test_many_processes_compile_at_once(tmp_path, compiler):
@@ -101,10 +101,10 @@ def test_a_cache_that_cannot_be_written_is_done_without(tmp_path, compiler):
 def test_a_library_that_does_not_load_is_told(fresh, compiler, monkeypatch):
     monkeypatch.setattr(library, "SHARED", ("-c",))  # an object file, which is no library
     with pytest.warns(UserWarning, match="Python computes instead"):
-        assert library.loaded(text()) is None
+        assert library.load_library(text()) is None
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert library.loaded(text()) is None
+        assert library.load_library(text()) is None
 
 
 def test_plans_and_kernels_share_what_is_compiled(fresh, compiler):
@@ -179,26 +179,26 @@ def needs_root(is_needed: bool) -> None:
 
 
 def test_a_library_under_the_name_of_another_is_not_loaded(fresh, compiler):
-    first, other = library.built(text()), library.built(text(3.0))
+    first, other = library.build_library(text()), library.build_library(text(3.0))
     good = first.read_bytes()
     first.write_bytes(other.read_bytes())
-    assert library.built(text()) == first and first.read_bytes() == good
+    assert library.build_library(text()) == first and first.read_bytes() == good
     forged = other.with_name(first.name[: -len(library.ENDING) - 32] + other.name[-len(library.ENDING) - 32 :])
     other.rename(forged)
     first.unlink()
-    assert library.built(text()) == first
+    assert library.build_library(text()) == first
 
 
 def test_cache_is_for_its_owner_alone(fresh, compiler):
     fresh.mkdir(mode=0o755)
-    assert library.built(text()).parent == fresh
+    assert library.build_library(text()).parent == fresh
     assert fresh.stat().st_mode & 0o777 == 0o700
 
 
 def test_folder_with_files_of_others_keeps_its_mode(fresh, compiler):
     fresh.mkdir(mode=0o755)
     (fresh / "thesis.txt").touch()
-    assert library.built(text()).parent == fresh
+    assert library.build_library(text()).parent == fresh
     assert fresh.stat().st_mode & 0o777 == 0o755
 
 
@@ -259,20 +259,24 @@ def test_link_to_a_folder_of_ones_own_is_followed(fresh, compiler):
     own = fresh.with_name("own")
     own.mkdir(mode=0o700)
     fresh.symlink_to(own)
-    assert library.built(text()).resolve().parent == own
+    assert library.build_library(text()).resolve().parent == own
 
 
 def test_what_was_not_used_for_long_is_removed(fresh, compiler):
-    first, left, foreign = library.built(text()), fresh / f"{library.PREFIX}killed", fresh / "file of somebody else"
+    first, left, foreign = (
+        library.build_library(text()),
+        fresh / f"{library.PREFIX}killed",
+        fresh / "file of somebody else",
+    )
     left.mkdir()
     foreign.touch()
     for path in (first, left, foreign):
         os.utime(path, (1.0, 1.0))
-    library.built(text(3.0))
+    library.build_library(text(3.0))
     assert not first.exists() and not left.exists() and foreign.exists()
-    used = library.built(text(3.0))
+    used = library.build_library(text(3.0))
     os.utime(used, (1.0, 1.0))
-    library.built(text(3.0))
+    library.build_library(text(3.0))
     assert used.stat().st_mtime > time.time() - 60.0
 
 

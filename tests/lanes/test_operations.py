@@ -16,7 +16,7 @@ from traced import Parameters, State, graph
 from gapsense.kernels.elementary import exp, log, tanh
 from gapsense.kernels.kernel import trace
 from gapsense.kernels.lanes import Array, Code, plan
-from gapsense.kernels.lanes.library import HERE, address, compiled, source, tuned, with_types
+from gapsense.kernels.lanes.library import HERE, address, compile_library, source, tuning_options, with_types
 from gapsense.kernels.trace import cond, fabs, floor, load, locate, loop, not_, sqrt, store, where  # fmt: skip
 
 ODD = (0.0, -0.0, 1.0, -1.0, 2.5, -7.3, 1e-300, 1e300, float("inf"), float("-inf"), float("nan"))
@@ -99,12 +99,12 @@ def test_bits_do_not_depend_on_the_width_of_vectors(options, compiler, tmp_path)
     code, columns = Code(graph(loops)), rows(90)
     made = plan(lambda given: code(given), given=3)
     expected = made.run(columns.shape[1], given=columns)
-    flags, about = tuned(compiler)
+    flags, about = tuning_options(compiler)
     if "__x86_64__" not in about:
         pytest.skip("another processor than x86-64, whose options these are")
     command = (*compiler, *flags, *options)
     texts = {"function": source(code), "caller": with_types((HERE / "run.c").read_text(encoding="utf-8"))}
-    narrow = {name: ctypes.CDLL(str(compiled(text, command, tmp_path, name))) for name, text in texts.items()}
+    narrow = {name: ctypes.CDLL(str(compile_library(text, command, tmp_path, name))) for name, text in texts.items()}
     del made._called
     made.__dict__ |= {"library": narrow["caller"], "_addresses": [address(narrow["function"], "NAME")]}
     assert made.library.width() == (2 if "-mno-avx" in options or "__AVX__" not in about else 4)

@@ -89,11 +89,11 @@ def test_share_of_what_goes_up_and_down_is_large_where_the_correlation_is_none()
 def test_correlations_of_many_runs_are_those_of_a_part(made, monkeypatch):
     monkeypatch.setattr(summary, "SAMPLED", 300)
     result, _, _ = made(2600)
-    sample = summary.sampled(result, ["a.x", "up"])
+    sample = summary.sample_columns(result, ["a.x", "up"])
     assert 200 < sample["a.x"].size < 400
     good = np.isfinite(sample["up"])
     assert sample["up"][good] == pytest.approx(sample["a.x"][good] ** 3, rel=1e-12)
-    assert np.array_equal(summary.sampled(result, ["a.x"])["a.x"], sample["a.x"])
+    assert np.array_equal(summary.sample_columns(result, ["a.x"])["a.x"], sample["a.x"])
 
 
 def test_groups_and_clouds_count_every_run(made):
@@ -103,7 +103,7 @@ def test_groups_and_clouds_count_every_run(made):
     assert summary.levels(result, "a.x") is None
     own = up[np.arange(2600) % 3 == 1]
     expected = tuple(np.quantile(own[np.isfinite(own)], (0.05, 0.5, 0.95)))
-    assert summary.grouped(result, "a.steps", "up", [0, 1, 2])[1] == (1, expected)
+    assert summary.group_metric(result, "a.steps", "up", [0, 1, 2])[1] == (1, expected)
     cloud = summary.clouds(result, ["a.x"], ["up"])["a.x", "up"]
     inside = np.isfinite(up) & (x >= cloud.x[0]) & (x <= cloud.x[-1]) & (up >= cloud.y[0]) & (up <= cloud.y[-1])
     assert cloud.counts.sum() == inside.sum() > 2500

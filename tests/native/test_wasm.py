@@ -23,7 +23,7 @@ from gapsense.fmi.components import own
 from gapsense.fmi.native import package, platforms
 from gapsense.fmi.native.compile import EMPTY, FOLDER, component, leb128
 from gapsense.fmi.native.parts import gather
-from gapsense.fmi.native.platforms import WASM, chosen, compilers
+from gapsense.fmi.native.platforms import WASM, choose_platforms, compilers
 
 DRIVE, EKF = own("drive_voltage"), own("ekf")
 TYPES = f"fmi:fmi3/types@{VERSION}"
@@ -238,7 +238,7 @@ def test_alone_there_is_only_an_fmu_of_fmi_3(fmus: Made) -> None:
 
 def test_beside_a_library_it_is_in_the_same_fmu(tmp_path: Path) -> None:
     binaries = {WASM: b"\0asm", "linux64": b"ELF"}
-    other, path = package.packaged(gather(own("semera"), {}), binaries, tmp_path)
+    other, path = package.write_packages(gather(own("semera"), {}), binaries, tmp_path)
     assert other == tmp_path / "Semera.fmu" and path == tmp_path / "fmi3" / "Semera.fmu"
     with ZipFile(path) as file:
         assert file.read(f"binaries/{WASM}/Semera.wasm") == b"\0asm"
@@ -257,7 +257,7 @@ def test_module_takes_the_place_that_the_shell_keeps_for_it() -> None:
 
 def test_is_built_only_if_it_is_asked_for_and_only_by_zig(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(platforms, "zig_version", lambda: ZIG)
-    assert WASM not in chosen([]) and chosen([WASM]) == [WASM]
+    assert WASM not in choose_platforms([]) and choose_platforms([WASM]) == [WASM]
     monkeypatch.setattr(platforms, "zig_version", lambda: None)
     with pytest.raises(NativeError, match=f"`{WASM}` needs ziglang {ZIG}, found none"):
         compilers(WASM)

@@ -20,7 +20,7 @@ from test_html_page import EVIL, Page
 from typer.testing import CliRunner
 
 from gapsense import read_campaign
-from gapsense._os.files import SEAL, sealed
+from gapsense._os.files import SEAL, seal
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.scenario.read import changed
@@ -235,7 +235,7 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
     edited.write_text(edited.read_text(encoding="utf-8").replace("70.0", "71.0"), encoding="utf-8")
     data = json.loads(other.with_suffix(".json").read_text(encoding="utf-8"))
     del data["metrics"]["noise"], data[SEAL]
-    other.with_suffix(".json").write_text(json.dumps(sealed(data)), encoding="utf-8")
+    other.with_suffix(".json").write_text(json.dumps(seal(data)), encoding="utf-8")
     broken = made_campaign(tmp_path / "broken")
     (broken / "campaign.sqlite").write_text("{}", encoding="utf-8")
     with pytest.raises(InputError) as error:

@@ -22,7 +22,7 @@ from html_many import made_campaign, made_sweep
 from html_results import made
 from typer.testing import CliRunner
 
-from gapsense._os.files import SEAL, sealed
+from gapsense._os.files import SEAL, seal
 from gapsense.cli import app
 from gapsense.cosim import read_result
 from gapsense.cosim.result.result import Timing
@@ -80,7 +80,7 @@ def test_texts_of_scenarios_are_texts_and_nothing_else(tmp_path, page):
     data = json.loads(sidecar.read_text(encoding="utf-8"))
     data["events"] = [{"name": EVIL, "target": EVIL, "action": EVIL, "begin": 0.0, "end": 0.01}]
     del data[SEAL]
-    sidecar.write_text(json.dumps(sealed(data)), encoding="utf-8")
+    sidecar.write_text(json.dumps(seal(data)), encoding="utf-8")
     page = Page(write_report([tmp_path / "evil.csv"], tmp_path / "evil.html"))
     count = [sum(tag in ("script", "img", "iframe", "link") for tag, _ in p.elements) for p in (page, harmless)]
     assert count[0] == count[1] == 4  # scripts: colours, figures, library, ours

@@ -15,7 +15,7 @@ from pages import FENCE, blocks, read
 from sources import ROOT
 
 from gapsense._os.native import ZIG, NativeError, zig_version
-from gapsense.fmi.native.platforms import chosen, compilers
+from gapsense.fmi.native.platforms import choose_platforms, compilers
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -147,7 +147,7 @@ def newcomer() -> None:
 
 def compiler() -> None:
     try:
-        compilers(*chosen(["here"]))
+        compilers(*choose_platforms(["here"]))
     except NativeError as error:
         pytest.skip(f"no C compiler: {error}")
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import stepped
+from gapsense.kernels.lanes import step_runs
 from gapsense.kernels.layout import flat, record
 from gapsense.sensor import sensor
 from gapsense.sensor.sensor import Inputs, Parameters, State
@@ -204,7 +204,7 @@ def test_many_runs_at_once_have_the_bits_of_single_runs():
     seeds = np.arange(runs, dtype=float)
     par = flat(REALISTIC)
     par[Parameters._fields.index("seed")] = seeds
-    rows = stepped(KERNEL, np.array([flat(inputs_at(k)) for k in range(steps)])[:, :, None], par)
+    rows = step_runs(KERNEL, np.array([flat(inputs_at(k)) for k in range(steps)])[:, :, None], par)
     for run, seed in enumerate(seeds):
         single = REALISTIC._replace(seed=float(seed))
         last, expected = KERNEL.initial(inputs_at(0), single)

@@ -11,7 +11,7 @@ from c_code import driven
 from scipy.signal import lfilter
 
 from gapsense.actuators import solenoid_valve
-from gapsense.estimators.reduced_model import current, gap_law, normalised
+from gapsense.estimators.reduced_model import current, gap_law, normalise_model
 from gapsense.fmi.components import kernel_parameters
 from gapsense.scenarios.soft_landing import core_fit as fit
 from gapsense.scenarios.soft_landing.core_fit import (
@@ -25,7 +25,7 @@ from gapsense.studies.devices import VALVE
 
 FMUS = Path(__file__).parents[2] / "fmus"
 PAR = kernel_parameters(FMUS / "ekf", {})
-MODEL = normalised(PAR)
+MODEL = normalise_model(PAR)
 Record = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -84,7 +84,7 @@ def test_measured_record_of_the_valve_gives_the_valves_core() -> None:
     assert np.abs(lam - true).max() < 1e-3 * np.abs(true).max()
     device = {"coil.turns": VALVE.coil_turns, "gap.slope": VALVE.gap_slope, "gap.fringing": 0.0, "gap.window": 0.1}
     stops = {"stop.lower": VALVE.stop_lower, "stop.upper": VALVE.stop_upper}
-    m = normalised(kernel_parameters(FMUS / "ekf", {**device, **stops}))
+    m = normalise_model(kernel_parameters(FMUS / "ekf", {**device, **stops}))
     assert fit_core(position, true, i, m).rms < 1e-9
     found = fit_core(position, lam, i, m)
     assert found.reluctance == pytest.approx(VALVE.core_reluctance / VALVE.coil_turns**2, rel=0.02)

@@ -14,7 +14,7 @@ from gapsense.cli import app
 from gapsense.control.mover import make_mover
 from gapsense.control.profile import flux
 from gapsense.control.records import CLOSING, OPENING, LawKind
-from gapsense.control.tracking import planned
+from gapsense.control.tracking import plan_operation
 from gapsense.cosim.scenario.read import load
 from gapsense.fmi.components import load_component, own
 from gapsense.kernels.kernel import Kernel
@@ -311,7 +311,7 @@ def test_a_disturbance_is_where_it_is_said_to_be(name):
 def test_nominal_voltages_make_the_nominal_flux():
     m = make_mover(TOLD)
     for half, start in ((CLOSING, 0.0), (OPENING, forward.held(m, TOLD))):
-        plan = planned(half, 0.4, 3.4e-3, start, TOLD)
+        plan = plan_operation(half, 0.4, 3.4e-3, start, TOLD)
         volts = forward.profile(plan, m, TOLD)
         wanted = [flux(20e-6 * k, plan, m) for k in range(len(volts) + 1)]
         assert 300 < len(volts) < 450 and wanted[0] == pytest.approx(start, abs=1e-4)
@@ -342,7 +342,7 @@ def test_fisher_basis_is_the_plane_in_which_the_profile_changes_most():
         basis = np.diag(1.0 / searches.BEFORE) @ searches.fisher_basis(half, TOLD)
         assert basis.T @ basis == pytest.approx(np.eye(2), abs=1e-12)
         left_out = np.cross(*basis.T)
-        profile = searches._profile(planned(half, searches.SPEED, 3.4e-3, 0.0, TOLD), TOLD)
+        profile = searches._profile(plan_operation(half, searches.SPEED, 3.4e-3, 0.0, TOLD), TOLD)
         change = [
             np.linalg.norm(profile(1e-3 * searches.BEFORE * e) - profile(np.zeros(3))) for e in (*basis.T, left_out)
         ]

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from kernel_cases import kernel_modules
 
-from gapsense.kernels.emit.python import renamed
+from gapsense.kernels.emit.python import rename_values
 from gapsense.kernels.kernel import Kernel
 
 NESTED = """
@@ -48,31 +48,31 @@ def called(lines: list[str], given_: Any) -> Any:
 
 @given(st.tuples(*[st.floats(-20.0, 20.0)] * 3))
 def test_branches_and_loops_compute_the_same(values: tuple[float, float, float]) -> None:
-    assert called(renamed(NESTED), values) == called(NESTED, values)
+    assert called(rename_values(NESTED), values) == called(NESTED, values)
 
 
 def test_names_are_used_again_and_copies_vanish() -> None:
-    text = "\n".join(renamed(NESTED))
+    text = "\n".join(rename_values(NESTED))
     assert "t8" not in text and "c4" not in text and "given" in text and "_ = given" in text
     straight = ["    t1 = a + 1.0", "    t2 = t1 + 1.0", "    t3 = t2", "    t4 = t3 + 1.0", "    return t4"]
-    assert renamed(straight) == ["    t1 = a + 1.0", "    t1 = t1 + 1.0", "    t1 = t1 + 1.0", "    return t1"]
+    assert rename_values(straight) == ["    t1 = a + 1.0", "    t1 = t1 + 1.0", "    t1 = t1 + 1.0", "    return t1"]
 
 
 def test_block_of_copies_only_stays_a_block() -> None:
     lines = ["    t1 = a", "    if a > 0.0:", "        c2 = t1", "    else:", "        c2 = -t1", "    return c2"]
-    assert renamed(lines)[1:4] == ["    if a > 0.0:", "        pass", "    else:"]
+    assert rename_values(lines)[1:4] == ["    if a > 0.0:", "        pass", "    else:"]
     for value in (-2.0, 3.0):
-        assert called(["    a = given", *renamed(lines)], value) == abs(value)
+        assert called(["    a = given", *rename_values(lines)], value) == abs(value)
 
 
 def test_nothing_is_left_of_an_empty_else() -> None:
     lines = ["    t1 = a + 1.0", "    if a > 0.0:", "        c2 = -t1", "    else:", "        c2 = t1", "    return c2"]
-    assert renamed(lines)[1:] == ["    if a > 0.0:", "        t1 = -t1", "    return t1"]
+    assert rename_values(lines)[1:] == ["    if a > 0.0:", "        t1 = -t1", "    return t1"]
 
 
 def test_both_sides_of_a_copy_stay_apart_while_both_are_needed() -> None:
     lines = ["    t1 = given + 1.0", "    t2 = t1", "    t1 = t1 * 2.0", "    return t1, t2"]
-    assert called(renamed(lines), 3.0) == (8.0, 4.0)
+    assert called(rename_values(lines), 3.0) == (8.0, 4.0)
 
 
 STEPS = st.lists(st.tuples(st.integers(0, 40), st.integers(0, 40), st.integers(0, 3)), min_size=1, max_size=40)
@@ -94,7 +94,7 @@ def test_random_programs_compute_the_same(steps: list[tuple[int, int, int]]) -> 
             lines += [f"    {new} = {x}", "    for _ in range(2):", f"        {new} = {new} - 0.5 * {y}"]
         names.append(new)
     lines.append(f"    return ({', '.join(names[-3:])})")
-    assert called(renamed(lines), (1.25, -3.5)) == called(lines, (1.25, -3.5))
+    assert called(rename_values(lines), (1.25, -3.5)) == called(lines, (1.25, -3.5))
 
 
 @pytest.mark.parametrize("name", kernel_modules())

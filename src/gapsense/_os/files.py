@@ -54,12 +54,12 @@ LOOKED_AT = 100  # rows that tell whether a file holds a table
 
 def write_atomically(path: Path, write: Write) -> None:
     """Write to a temporary name in the same folder, then rename; a failure leaves the old file as it was."""
-    with prepared(path, write) as part:
+    with prepare_file(path, write) as part:
         rename(part, path)
 
 
 @contextmanager
-def prepared(path: Path, write: Write) -> Iterator[Path]:
+def prepare_file(path: Path, write: Write) -> Iterator[Path]:
     """A file beside `path` with what is to be there, for `rename`; it is removed if that does not happen."""
     clean(path.parent.resolve())
     with naming(path):
@@ -180,16 +180,16 @@ def read_sheet(path: Path, problems: list[str], content: bytes | None = None) ->
         reader = csv.reader(io.StringIO(text, newline=""))
         lines = [(reader.line_num, row) for row in reader if row]
     except (UnicodeDecodeError, csv.Error) as error:
-        problems.append(f"{path}: not a CSV file in UTF-8 ({unread(error)}). Save it as one.")
+        problems.append(f"{path}: not a CSV file in UTF-8 ({why_unreadable(error)}). Save it as one.")
         lines = []
     names, units = zip(*map(split_header, lines[0][1])) if lines else ((), ())
     good = [(n, row) for n, row in lines[1:] if len(row) == len(names)]
     sheet = Sheet(path=path, names=names, units=units, lines=[n for n, _ in good], rows=[row for _, row in good])
-    problems += [*twice(path, sheet.known), *ragged(path, len(names), lines[1:])]
+    problems += [*twice(path, sheet.known), *ragged_lines(path, len(names), lines[1:])]
     return sheet
 
 
-def unread(error: Exception) -> str:
+def why_unreadable(error: Exception) -> str:
     """Why a text cannot be read, without a character of it."""
     return f"byte {error.start} is not UTF-8" if isinstance(error, UnicodeDecodeError) else str(error)
 
@@ -204,7 +204,7 @@ def twice(path: Path, names: Sequence[str]) -> list[str]:
     ]
 
 
-def ragged(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> list[str]:
+def ragged_lines(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> list[str]:
     """Sentences on the first lines with more or fewer cells than there are columns."""
     wrong = [(n, len(row)) for n, row in lines if len(row) != width]
     told = [f"{path}, line {n}: {count} values found, {width} expected. Correct it." for n, count in wrong[:SHOWN]]
@@ -295,9 +295,9 @@ def write_with_facts(
 
     Both are written before one of them takes its place: if that fails, what was there before is still whole.
     """
-    with prepared(path, lambda file: write_columns(file, columns, units)) as table:
-        content = sealed(about(sha256(table)))
-        with prepared(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
+    with prepare_file(path, lambda file: write_columns(file, columns, units)) as table:
+        content = seal(about(sha256(table)))
+        with prepare_file(path.with_suffix(".json"), lambda file: write_json(file, content)) as beside:
             rename(table, path)
             rename(beside, path.with_suffix(".json"))
 
@@ -315,7 +315,7 @@ def state(path: Path) -> tuple[int, int, int]:
     return about.st_mtime_ns, about.st_size, about.st_ino
 
 
-def remembered(read: Callable[..., T]) -> Callable[..., T]:
+def remember(read: Callable[..., T]) -> Callable[..., T]:
     """A function of a file, and of more, that reads the file again only if it has changed."""
     known = lru_cache(maxsize=256)(lambda path, _, *more: read(path, *more))
     return wraps(read)(lambda path, *more: known(path.resolve(), state(path), *more))
@@ -413,7 +413,7 @@ def fingerprint(facts: Any) -> str:
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
-def sealed(facts: Mapping[str, Any]) -> dict[str, Any]:
+def seal(facts: Mapping[str, Any]) -> dict[str, Any]:
     """Facts as JSON has them, with their hash."""
     plain = json.loads(json.dumps(facts))
     return {**plain, SEAL: fingerprint(plain)}

@@ -36,7 +36,7 @@ def importable_name(function: Callable[..., Any]) -> str:
     return f"{module}:{name}"
 
 
-def imported(name: str) -> Any:
+def import_function(name: str) -> Any:
     """Function called `module:function`."""
     module, _, function = name.partition(":")
     return getattr(importlib.import_module(module), function)

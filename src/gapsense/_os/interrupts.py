@@ -14,7 +14,7 @@ Handler = Callable[[int, FrameType | None], object]
 
 
 @contextmanager
-def handled(handler: Handler) -> Iterator[None]:
+def handle(handler: Handler) -> Iterator[None]:
     """Let a function take every Ctrl-C; outside the main thread Python delivers none, and nothing is changed."""
     is_main = threading.current_thread() is threading.main_thread()
     previous = signal.signal(signal.SIGINT, handler) if is_main else None
@@ -26,7 +26,9 @@ def handled(handler: Handler) -> Iterator[None]:
 
 
 @contextmanager
-def counted(at_most: int | None = None, then: Callable[[], None] = lambda: None) -> Iterator[Callable[[], int]]:
+def count_interrupts(
+    at_most: int | None = None, then: Callable[[], None] = lambda: None
+) -> Iterator[Callable[[], int]]:
     """Function that tells how many Ctrl-C there were; `then` is called at each.
 
     One above `at_most` is a KeyboardInterrupt after all.
@@ -39,7 +41,7 @@ def counted(at_most: int | None = None, then: Callable[[], None] = lambda: None)
         if at_most is not None and len(noted) > at_most:
             raise KeyboardInterrupt
 
-    with handled(note):
+    with handle(note):
         yield lambda: len(noted)
 
 

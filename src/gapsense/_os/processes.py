@@ -30,7 +30,7 @@ from threading import Event, Thread
 from time import monotonic, sleep
 from typing import Any, TextIO, TypeAlias
 
-from gapsense._os.importable import importable_name, imported, python, root, search_path
+from gapsense._os.importable import import_function, importable_name, python, root, search_path
 from gapsense._os.locks import temporary_folder
 from gapsense.problems import ScenarioError
 from gapsense.shipped import PACKAGE
@@ -79,7 +79,7 @@ class Process:
     def start(self, guest: Callable[..., Any] | None, load: Sequence[str]) -> None:
         """Start it, in a folder of its own."""
         (self.folder / "marks").write_bytes(bytes(8 * MARKS))
-        self.marks = mapped(self.folder / "marks")
+        self.marks = map_numbers(self.folder / "marks")
         behind = str(root(guest)) if guest else ""
         own = dict.fromkeys(("TMPDIR", "TEMP", "TMP", FOLDER), str(self.folder))
         with (self.folder / "errors.txt").open("wb") as errors:
@@ -210,7 +210,7 @@ def has(pid: int, mark: bytes) -> bool:
     return any(entry == mark or entry.startswith(mark + b"/") for entry in content.split(b"\0"))
 
 
-def mapped(file: Path) -> Marks:
+def map_numbers(file: Path) -> Marks:
     """Whole numbers of a file in shared memory."""
     with file.open("r+b") as opened:
         return memoryview(mmap.mmap(opened.fileno(), 0)).cast("q")
@@ -219,7 +219,7 @@ def mapped(file: Path) -> Marks:
 def own_marks() -> Marks | None:
     """Marks that this process shares with the process that started it, if that is one of ours."""
     folder = os.environ.get(FOLDER)
-    return mapped(Path(folder, "marks")) if folder else None
+    return map_numbers(Path(folder, "marks")) if folder else None
 
 
 def follow() -> None:
@@ -288,7 +288,7 @@ def work(answers: TextIO) -> None:
         return  # this process was not needed
     request = json.loads(first)
     try:
-        answer: Callable[[Any], Any] = imported(request["prepare"])(request["task"])
+        answer: Callable[[Any], Any] = import_function(request["prepare"])(request["task"])
     except ScenarioError as error:
         return send(answers, {"problems": error.problems})
     send(answers, {"problems": []})

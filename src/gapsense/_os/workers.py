@@ -8,7 +8,7 @@ from queue import Empty, Queue
 from threading import Lock, Thread
 from typing import Any, NamedTuple, Protocol
 
-from gapsense._os.interrupts import counted
+from gapsense._os.interrupts import count_interrupts
 from gapsense._os.processes import Died, Marks, process
 
 Entry = dict[str, Any]  # a number, `index`, and what was answered
@@ -73,7 +73,7 @@ class Executor(Protocol):
 def work(executor: Executor, numbers: Iterable[int], count: int, keep: Callable[[Sequence[Entry]], None]) -> bool:
     """Hand `count` numbers to an executor, and each answer to `keep` as it arrives. Returns True after Ctrl-C."""
     pending, answers = Pending(numbers), Answers()
-    with counted() as interrupts:  # also while the workers are started and ended: none is forgotten
+    with count_interrupts() as interrupts:  # also while the workers are started and ended: none is forgotten
         try:
             if count:
                 executor.start(pending, answers)

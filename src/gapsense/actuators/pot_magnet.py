@@ -23,7 +23,7 @@ from functools import partial
 from typing import Annotated, NamedTuple
 
 from gapsense.actuators.motion import Contact, hardest, rebound
-from gapsense.kernels.integrate import added, equal_parts, least, next_part, rk4_until
+from gapsense.kernels.integrate import add_integrals, equal_parts, least, next_part, rk4_until
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports
 from gapsense.kernels.layout import Choice, Scalar, blank
 from gapsense.kernels.trace import clip, cond, fabs, loop, not_, square, where
@@ -207,7 +207,7 @@ def _micro_step(
         is_moving, lambda: _move(mag, dt, at, contact, is_moving), lambda: _rest(mag, dt, at, contact)
     )
     left = left - dt
-    return (left, at, contact, added(sums, part)), not_(left > 0.0)
+    return (left, at, contact, add_integrals(sums, part)), not_(left > 0.0)
 
 
 def _contact(mag: Magnet, lam: Scalar, mode: Scalar) -> Scalar:

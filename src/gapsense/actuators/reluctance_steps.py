@@ -9,7 +9,7 @@ from gapsense.actuators import hysteresis, magnetics, motion
 from gapsense.actuators.hysteresis import Core
 from gapsense.actuators.magnetics import Gap, LocalGap, SmoothGap
 from gapsense.actuators.motion import MOVING, Contact, Mover
-from gapsense.kernels.integrate import added, least, next_part, rk4_until
+from gapsense.kernels.integrate import add_integrals, least, next_part, rk4_until
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import cond, fabs, not_, where
 
@@ -110,7 +110,7 @@ def micro_step(
 
     done, gap = cond(is_moving, move, lambda: (_rest(act, circuit, switches, dt, at, contact), gap))
     left = left - done.length
-    return (left, done.at, gap, done.contact, added(losses, done.losses)), not_(left > 0.0)
+    return (left, done.at, gap, done.contact, add_integrals(losses, done.losses)), not_(left > 0.0)
 
 
 def gap_at(act: Actuator, h: Scalar) -> Gap:

@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 from gapsense.actuators import magnetics, motion
 from gapsense.actuators.magnetics import MU_0, Circuit, Gap
 from gapsense.actuators.motion import MOVING, Contact, Mover
-from gapsense.kernels.integrate import added, crossing, equal_parts, least, next_part, rk4, rk4_until
+from gapsense.kernels.integrate import add_integrals, crossing, equal_parts, least, next_part, rk4, rk4_until
 from gapsense.kernels.interface import COLUMN, choice, fixed, output, parameter, ports, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table, blank
 from gapsense.kernels.trace import clip, cond, loop, not_, sqrt, square, where
@@ -246,7 +246,7 @@ def micro_step(
         return done, gap_at(valve, done.at.h)
 
     done, gap = cond(is_moving, move, lambda: (_rest(valve, gap, dt, at, contact), gap))
-    left, sums = _less(left, done), added(sums, done.part)
+    left, sums = _less(left, done), add_integrals(sums, done.part)
     is_settled = not_(is_moving) & (done.at.lam == at.lam) & (done.contact.mode == contact.mode)
     left, sums = cond(is_settled, lambda: _repeat_steps(valve, limit, done, left, sums), lambda: (left, sums))
     return (left, done.at, gap, done.contact, sums), not_(_goes_on(left))
@@ -260,7 +260,7 @@ def _repeat_steps(valve: Valve, limit: Limit, done: Step, left: Rest, sums: Sums
 
     def again(left: Rest, sums: Sums) -> tuple[tuple[Rest, Sums], Scalar]:
         left = _less(left, done)
-        return (left, added(sums, done.part)), not_(is_equal(left))
+        return (left, add_integrals(sums, done.part)), not_(is_equal(left))
 
     return cond(is_equal(left), lambda: loop(MICRO_STEPS, again, (left, sums)), lambda: (left, sums))
 

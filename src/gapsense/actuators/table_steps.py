@@ -30,7 +30,7 @@ from gapsense.actuators.reluctance_steps import (
     switch,
 )
 from gapsense.actuators.surface import Patch, Surface, surface, surface_patch
-from gapsense.kernels.integrate import added, least, next_part, rk4_until
+from gapsense.kernels.integrate import add_integrals, least, next_part, rk4_until
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.trace import cond, fabs, load, locate, not_, sqrt, square, where
 
@@ -125,7 +125,7 @@ def micro_step(
     dt = _limit_step(dev, next_part(left, act.micro_step), patch, switches.walls, electric, contact.mode, at)
     rates = partial(_rates, dev, patch, switches.walls, contact)
     dt, at, done, ends = rk4_until(rates, at, dt, partial(_margin, dev, patch, switches, contact))
-    losses = added(losses, done)
+    losses = add_integrals(losses, done)
     at, contact, lost = cond(ends, lambda: _switch_contact(dev, at, contact), lambda: (at, contact, 0.0))
     left = left - dt
     return (left, at, contact, losses._replace(heat=losses.heat + lost)), not_(left > 0.0)

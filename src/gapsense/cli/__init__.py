@@ -14,7 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gapsense._os.interrupts import counted, ended_like_ctrl_c, handled, leave
+from gapsense._os.interrupts import count_interrupts, ended_like_ctrl_c, handle, leave
 
 if TYPE_CHECKING:
     from gapsense.cli.common import App, app
@@ -27,14 +27,14 @@ __all__ = ["app", "load_app"]
 def start(words: list[str]) -> None:
     """Run the command that the words on the command line name; a run that is given in the usual way needs no parser."""
     if words[:1] == ["run"]:
-        with ended_like_ctrl_c(), handled(leave):
+        with ended_like_ctrl_c(), handle(leave):
             from gapsense.cli.console import report_errors
             from gapsense.cli.straight import parse_run
             from gapsense.cosim.run.ahead import run_ahead
 
             if given := parse_run(words[1:]):
                 # Another process loads what the run needs while this one does; no Ctrl-C must leave it behind.
-                with ended_at_once(), report_errors(), counted() as interrupts, run_ahead():
+                with ended_at_once(), report_errors(), count_interrupts() as interrupts, run_ahead():
                     from gapsense.cli.run import run_straight
 
                     return run_straight(given, interrupts)
@@ -57,7 +57,7 @@ def ended_at_once() -> Iterator[None]:
 
 def load_app(command: str = "") -> "App":
     """Load the program with the module that registers a command; with all modules if none here does."""
-    with ended_like_ctrl_c(), handled(leave):  # loading takes a while
+    with ended_like_ctrl_c(), handle(leave):  # loading takes a while
         from gapsense.cli.common import app
 
         files = sorted(Path(__file__).parent.glob("[!_]*.py"))

@@ -33,7 +33,7 @@ class App(typer.Typer):
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
         """Run the command that the arguments name."""
-        with interrupts.ended_like_ctrl_c(), interrupts.handled(interrupts.leave):
+        with interrupts.ended_like_ctrl_c(), interrupts.handle(interrupts.leave):
             return super().__call__(*arguments, **options)
 
 

@@ -95,11 +95,11 @@ def natives(folders: list[Path], to: Path, values: Values, platforms: list[str] 
     """Build the native FMUs."""
     from gapsense._os.native import NativeError
     from gapsense.fmi.native import package
-    from gapsense.fmi.native.platforms import chosen
+    from gapsense.fmi.native.platforms import choose_platforms
 
     names = [name for text in platforms or () for name in text.replace(",", " ").split()]
     try:
-        for folder, path in package.build(folders, to, chosen(names), values, with_arrays=with_arrays):
+        for folder, path in package.build(folders, to, choose_platforms(names), values, with_arrays=with_arrays):
             yield path, values.get(folder, {})
     except NativeError as error:
         raise InputError([str(error)]) from error

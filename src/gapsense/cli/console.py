@@ -84,7 +84,7 @@ def say_written(*files: Path) -> None:
 def report_errors() -> Iterator[None]:
     """Turn the errors that a user can fix into one sentence and an exit code."""
     try:
-        with interrupts.handled(signal.default_int_handler):
+        with interrupts.handle(signal.default_int_handler):
             yield
     except SystemExit:  # before `mendable`, which takes a while
         raise

@@ -12,7 +12,7 @@ import typer
 from gapsense.cli.common import Output, command
 from gapsense.cli.components import Root
 from gapsense.cli.console import say_written, show
-from gapsense.fmi.values import ValuesError, fields, unknown
+from gapsense.fmi.values import ValuesError, fields, unknown_parameter
 from gapsense.problems import InputError
 from gapsense.tables import Value
 
@@ -79,7 +79,7 @@ def read_start_values(
     names = {folder: {port.name for port in load_component(folder).of("parameter")} for folder in folders}
     problems: list[str] = []
     changes, every = read_settings(settings, "parameter", problems), set().union(*names.values())
-    problems += [f"--set: {unknown(name, every)}" for name in changes if name not in every]
+    problems += [f"--set: {unknown_parameter(name, every)}" for name in changes if name not in every]
     for folder in folders:
         values[folder] = {**values[folder], **{name: v for name, v in changes.items() if name in names[folder]}}
         try:

@@ -9,7 +9,7 @@ from typing import Any
 
 from gapsense import cosim
 from gapsense._os.files import refuse_unwritable
-from gapsense._os.interrupts import counted, handled
+from gapsense._os.interrupts import count_interrupts, handle
 from gapsense.cli.console import APART, FAILED, INTERRUPTED, bar, choose_fmus, notice, problem, show
 from gapsense.cli.straight import NATIVE, SCENARIO, SET
 from gapsense.problems import number_of
@@ -19,7 +19,7 @@ TO = Path("results")
 
 def run_straight(given: dict[str, Any], interrupts: Callable[[], int]) -> None:
     """Run a scenario with options that `parse_run` understood, unless there was a Ctrl-C before."""
-    with handled(signal.default_int_handler):
+    with handle(signal.default_int_handler):
         if interrupts():
             raise KeyboardInterrupt
         fmus = choose_fmus(given[SCENARIO], given.get("--fmus"), NATIVE in given)
@@ -36,7 +36,7 @@ def run(
     settings: Sequence[str] | None = None,
 ) -> None:
     """Run a scenario, show and save what came of it, and end the program with the exit code for that."""
-    with counted() as interrupts:  # it loads numpy, which takes a Ctrl-C meanwhile for an error of its own
+    with count_interrupts() as interrupts:  # it loads numpy, which takes a Ctrl-C meanwhile for an error of its own
         source = cosim.changed(scenario, settings or ())
     if interrupts():
         raise KeyboardInterrupt
@@ -82,6 +82,6 @@ def save(result: cosim.Result, file: Path) -> bool:
         if interrupts() == 1:
             notice(f"interrupted; {file} is being written. Ctrl-C again stops that.")
 
-    with counted(at_most=1, then=tell) as interrupts:
+    with count_interrupts(at_most=1, then=tell) as interrupts:
         result.save(file)
     return interrupts() > 0

@@ -14,7 +14,7 @@ from gapsense.control.coil import AVERAGED, open_flux, usual_current, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import CLOSING, LONGEST, PIECES, Heard, Parameters, Running, State
-from gapsense.control.tracking import place, planned
+from gapsense.control.tracking import place, plan_operation
 from gapsense.estimators.mhe.model import gap
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where, where_each
@@ -26,7 +26,7 @@ VAGUE = 4.0  # standard deviations of a speed that noise may explain
 OFTEN, MOST = 0.12, 5.4  # speed, and standard deviations, of bends without a hit where pieces are longer [m/s]
 USUAL = 0.06  # error by noise that the bounds of a hard landing allow for [m/s]
 NEAR = (0.65, 0.97)  # of the travel of a closing, of an opening: a stop is not hit before, unless a contact says so
-LITTLE, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
+LEAST_FLUX, TELLING = 1e-4, 2e-3  # flux linkage; that whose current tells the gap [Wb]
 LARGE = 0.5  # of the flux linkage that balances the spring at first: with less the bend is that of the voltage
 SEATED, LATER = 0.5e-3, 1e-3  # time after the planned arrival at which it is told, and so much later again [s]
 CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is no open one, and more no closed one
@@ -62,12 +62,12 @@ ALONE = Bounds(hit=0.55, latest=1e-3, core=0.6, beyond=0.9)
 
 
 def choose_bounds(state: State) -> Bounds:
-    """Without a contact they are higher."""
+    """Choose the bounds of a hit: they are higher without a contact."""
     return where_each(state.by_model > 0.0, ALONE, WITH_CONTACT)
 
 
-def watched(state: State, par: Parameters) -> Heard:
-    """With the hardest bend so far of an operation, before a landing: a stop left at once is none to a contact."""
+def find_hardest_bend(state: State, par: Parameters) -> Heard:
+    """Note the hardest bend of the current before the landing: a stop left at once shows no contact."""
     heard, running = state.heard, state.running
     at = running.age - 2.0 * running.piece
     has_left = (heard.takeoff > 0.0) & (at - 2.0 * running.piece > heard.takeoff)
@@ -136,8 +136,8 @@ def _softest_hit(state: State, noise: Scalar) -> Scalar:
     return where(state.running.averaged > 0.0, longer, bound + VAGUE * noise)
 
 
-def landed(state: State, par: Parameters) -> Scalar:
-    """Speed with which an operation that has ended has landed, less what noise may add beyond the usual [m/s]."""
+def landing_speed(state: State, par: Parameters) -> Scalar:
+    """Impact speed of the operation that has just ended, less what unusual noise may have added [m/s]."""
     at = state.heard.landing
     speed, noise = _impact(state, at, par)
     core, _ = _core_share(state, at, at, par)
@@ -150,16 +150,16 @@ def landed(state: State, par: Parameters) -> Scalar:
 def _impact(state: State, at: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """Speed of the operation under way that its stop took at a sample, and its error by noise [m/s]."""
     speed, noise = speed_at(state, state.running.command, at, state.running.piece, par)
-    return speed - _braked(state.running, at, par), noise
+    return speed - _planned_braking(state.running, at, par), noise
 
 
 def running_plan(running: Running, par: Parameters) -> Operation:
     """The plan of the operation that goes on, its lead apart."""
-    return planned(running.command, running.speed, running.travel, 0.0, par)
+    return plan_operation(running.command, running.speed, running.travel, 0.0, par)
 
 
-def _braked(running: Running, at: Scalar, par: Parameters) -> Scalar:
-    """What the plan itself takes from the speed between the pieces around a sample [m/s]."""
+def _planned_braking(running: Running, at: Scalar, par: Parameters) -> Scalar:
+    """Speed that the plan itself takes away between the pieces around a sample [m/s]."""
     plan, m, n = running_plan(running, par), make_mover(par), running.piece
     before, after = (path((at + k) * par.sample_time - plan.lead, plan, m).velocity for k in (-1.0 - n, n))
     return where(plan.is_closing, after - before, before - after)
@@ -198,8 +198,8 @@ def _core_share(state: State, at: Scalar, landing: Scalar, par: Parameters) -> t
     return share, _reluctance(state, hit, n, par) < seated
 
 
-def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
-    """Whether a closing was at its stop when it was due, whether the mover was not, and `seated` from then on.
+def tell_arrival(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
+    """Tell whether a closing was at its stop when due, whether the mover was elsewhere, and the new `seated`.
 
     The reluctance is current over flux linkage, of that of the open actuator. `seated` is that of the last closings
     that have arrived. For openings it is that with which closings have left the open stop: openings that float each
@@ -216,7 +216,7 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
 
     early, is_early = reluctance(running.due, n, lambda _: 0.0)
     wide = where(is_closing, n, again - running.due)
-    found, is_told = reluctance(again, wide, lambda at: _drawn(state, is_closing, at, par))
+    found, is_told = reluctance(again, wide, lambda at: _estimated_share(state, is_closing, at, par))
     left = _reluctance(state, LONGEST + floor(LEAVING * par.closing_lead / par.sample_time), n, par) / opened
     error = wandering(state.coil, par) / _large(load(state.fluxes, LONGEST + where(is_told, running.due, 0.0)))
     apart = APART + DOUBTFUL * where(error < FAR, error, FAR)
@@ -232,8 +232,8 @@ def arrived(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scal
     return is_there, is_absent, seated + where(is_told & not_(is_absent & is_closing), follows, 0.0)
 
 
-def _drawn(state: State, is_closing: Scalar, at: Scalar, par: Parameters) -> Scalar:
-    """What the flux linkage in memory has of an estimator's: one that takes a mover for landed pulls it there.
+def _estimated_share(state: State, is_closing: Scalar, at: Scalar, par: Parameters) -> Scalar:
+    """Part of the stored flux linkage that comes from an estimator: one that takes a mover for landed pulls it there.
 
     The loop's own integral begins where a closing does, and ends where an opening does: with the mover open.
     """
@@ -279,7 +279,7 @@ def speed_at(state: State, half: Scalar, landing: Scalar, n: Scalar, par: Parame
     slope, _ = gap_slopes(stops(half > 0.0, m)[1], m)
     rises = [_rise(state, middle, n, T_s) for middle in (at - 1.0 - n, at + n)]
     flux, before, after = load(state.fluxes, at), *rises
-    is_kept = is_kept & (flux > LITTLE)
+    is_kept = is_kept & (flux > LEAST_FLUX)
     bend = where(half > 0.0, -1.0, 1.0) * (before - after)
     noise = 2.0 * state.coil.noise / _large(flux) / (n * T_s * sqrt(n) * slope)
     return where(is_kept, bend / slope, 0.0), where(is_kept, noise, UNKNOWN)
@@ -295,4 +295,4 @@ def _rise(state: State, middle: Scalar, half: Scalar, T_s: Scalar) -> Scalar:
 
 
 def _large(flux: Scalar) -> Scalar:
-    return where(flux > LITTLE, flux, LITTLE)
+    return where(flux > LEAST_FLUX, flux, LEAST_FLUX)

@@ -78,10 +78,10 @@ def can_be_used(coil: Coil, inputs: Inputs, par: Parameters) -> tuple[Scalar, Sc
     return has_voltage, has_current
 
 
-def integrated(
+def integrate_sample(
     coil: Coil, inputs: Inputs, is_late: Scalar, expected: Scalar, share: Scalar, par: Parameters
 ) -> tuple[Coil, Scalar]:
-    """The next sample, and whether a reading was lost or wild.
+    """Integrate one sample, and tell whether a reading was lost or wild.
 
     The measured current has a share; the rest is that which is expected. Late in an operation the flux linkage stays
     with a current that rests, and no error of R is summed up.
@@ -127,7 +127,7 @@ def _bridge_gain(coil: Coil, u: Scalar, par: Parameters) -> Scalar:
 
 
 def usual_current(par: Parameters) -> Scalar:
-    """Of an ordinary closing that has lasted [A]."""
+    """Final current of an ordinary closing [A]."""
     return par.voltage_hold / par.coil_resistance
 
 
@@ -143,8 +143,8 @@ def is_scarce(coil: Coil, par: Parameters) -> Scalar:
     return DRIVEN * coil.resistance * usual_current(par) > WARM * par.voltage_most
 
 
-def zeroed(coil: Coil, par: Parameters) -> Coil:
-    """After an ordinary opening, which leaves no current; one that is too large for an offset has not decayed yet."""
+def learn_zero(coil: Coil, par: Parameters) -> Coil:
+    """Learn the zeros of both readings from an ordinary opening; a large current there has not decayed yet."""
     u, noise = coil.held_voltage, coil.noise * sqrt(0.5 * par.sample_time / LATE)
     share = where(fabs(coil.late_current) > SURE * noise, 1.0, MEAN)  # what may be noise is no other zero
     off = where(fabs(coil.late_current) < OFFSET * usual_current(par), share * coil.late_current, 0.0)
@@ -159,7 +159,7 @@ def zeroed(coil: Coil, par: Parameters) -> Coil:
 
 
 def held_resistance(coil: Coil, par: Parameters) -> Scalar:
-    """Of an ordinary closing, at its end: voltage over current."""
+    """Resistance at the end of an ordinary closing: voltage over current."""
     is_large = coil.held_current > HOLDS * usual_current(par)
     R = coil.held_voltage / where(is_large, coil.held_current, 1.0)
     return where(is_large, _possible(R, par), coil.resistance)
@@ -187,8 +187,8 @@ def left_open(coil: Coil, par: Parameters) -> Scalar:
     return is_driven & is_left & not_(has_landed)
 
 
-def raised(coil: Coil) -> Coil:
-    """After an ordinary closing whose current did not close."""
+def raise_hold(coil: Coil) -> Coil:
+    """Ask for more current, after an ordinary closing whose current did not close."""
     needed = RAISED * coil.held_current
     return coil._replace(needed=where(needed > coil.needed, needed, coil.needed))
 
@@ -198,32 +198,32 @@ def _possible(R: Scalar, par: Parameters) -> Scalar:
 
 
 def open_flux(coil: Coil, par: Parameters) -> Scalar:
-    """Flux linkage of the current of late, with an open gap [Wb]."""
+    """Flux linkage of the latest current with an open gap [Wb]."""
     return coil.held_current / reluctance_at(par.stop_upper, par)
 
 
 def reluctance_at(z: Scalar, par: Parameters) -> Scalar:
-    """Current over flux linkage at a position, as it is told [1/H]."""
+    """Reluctance at a position, current over flux linkage, by the parameters [1/H]."""
     return gap(z, make_gap(par), par.gap_factor, par.gap_bend)[0] + par.core_reluctance / square(par.coil_turns)
 
 
 def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
-    """With which the integral over the cycle ends where its last current says."""
+    """Resistance with which the integral over the cycle ends at the flux linkage of its last current."""
     ahead = coil.resistance * (coil.charge - coil.passed)
     seen = coil._replace(charge=coil.passed)
     return _resistance_of(seen, coil.flux + ahead - coil.shift - open_flux(coil, par), par)
 
 
 def _resistance_of(coil: Coil, off: Scalar, par: Parameters) -> Scalar:
-    """With which the integral over the cycle ends elsewhere by so much."""
+    """Resistance with which the integral over the cycle ends elsewhere by `off`."""
     has_charge = coil.charge > HOLDS * par.voltage_hold / par.coil_resistance * par.closing_travel
     return where(
         has_charge, _possible(coil.resistance + off / where(has_charge, coil.charge, 1.0), par), coil.resistance
     )
 
 
-def closed(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
-    """The next cycle begins; the resistance is that of the last one, and its trend; with noise it is a mean."""
+def learn_resistance(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
+    """Learn the resistance at the end of a cycle: the last one plus its trend, or a mean where noise is large."""
     R, end = cycle_resistance(coil, par), open_flux(coil, par)
     off = end - coil.remanence
     slow = follow(cycles, SLOWER)
@@ -231,43 +231,45 @@ def closed(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scalar, par: P
     start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
     start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
     trend = where(cycles > YOUNG, coil.trend + TREND * ((R - coil.measured) - coil.trend), 0.0)
-    return _restarted(coil, start)._replace(resistance=R + trend, measured=R, trend=trend, remanence=start, balanced=R)
+    return _restart_means(coil, start)._replace(
+        resistance=R + trend, measured=R, trend=trend, remanence=start, balanced=R
+    )
 
 
 def follow(count: Scalar, least: Scalar) -> Scalar:
-    """Share of the last of so many in their mean; not below a least one."""
+    """Share of the latest value in a mean of `count` values, at least `least`."""
     return where(count * least < 1.0, 1.0 / count, least)
 
 
-def told(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
-    """The next cycle begins; flux linkage and resistance are those of an estimator, once it explains an operation."""
+def take_estimates(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
+    """Take flux linkage and resistance from an estimator at the end of a cycle, once it explains an operation."""
     has_solved = (inputs.windows >= SOLVED) & (inputs.estimated_resistance > 0.0) & (inputs.misfit < STEADY)
     R = _possible(where(has_solved, inputs.estimated_resistance, coil.measured), par)
     is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
     used = where(is_new, R, coil.resistance + SHARE * (R - coil.resistance))
-    balanced = _balanced(coil, cycles, inputs.estimated_flux_linkage, par)
-    return _restarted(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R, balanced=balanced)
+    balanced = _balance_resistance(coil, cycles, inputs.estimated_flux_linkage, par)
+    return _restart_means(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R, balanced=balanced)
 
 
-def _balanced(coil: Coil, cycles: Scalar, end: Scalar, par: Parameters) -> Scalar:
-    """Resistance with which the loop's own integral over the cycle ends at a flux linkage: its mean of late."""
+def _balance_resistance(coil: Coil, cycles: Scalar, end: Scalar, par: Parameters) -> Scalar:
+    """Running mean of the resistance with which the loop's own integral over the cycle ends at a flux linkage."""
     R = _resistance_of(coil, coil.flux - coil.drawn - end, par)
     return coil.balanced + where(cycles < YOUNG, 1.0, BALANCED) * (R - coil.balanced)
 
 
 def wandering(coil: Coil, par: Parameters) -> Scalar:
-    """Error of the flux linkage at the end of a closing's travel that the noise of the current sums up to [Wb]."""
+    """Error of the flux linkage at the end of a closing's travel, summed up from the noise of the current [Wb]."""
     time = par.closing_lead + par.closing_travel
     return coil.resistance * coil.noise * sqrt(par.sample_time * time)
 
 
 def steadied_error(coil: Coil, par: Parameters) -> Scalar:
-    """The same while the flux linkage is drawn to that of an estimator [Wb]."""
+    """Error of the flux linkage by noise while an estimator steadies it [Wb]."""
     return sqrt(0.5 * coil.resistance * coil.noise * par.sample_time * STEADYING)
 
 
-def steadied(coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
-    """Drawn to the flux linkage of an estimator, which does not sum up the noise of the current.
+def steady_flux(coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
+    """Draw the flux linkage to that of an estimator, which does not sum up the noise of the current.
 
     If that is noisy, faster, but by no more than noise explains since the operation began, a time ago, when
     `before` had been added: an estimator that takes a mover for landed would pull the flux linkage away.
@@ -281,21 +283,21 @@ def steadied(coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noisy:
     less = where(so_far > -most, -most - so_far, 0.0)
     more = where(so_far < most, most - so_far, 0.0)
     change = where(is_near, share * off, 0.0)
-    return drawn(coil, where(is_noisy, clip(change, less, more), change))
+    return shift_flux(coil, where(is_noisy, clip(change, less, more), change))
 
 
-def drawn(coil: Coil, change: Scalar) -> Coil:
-    """With a flux linkage that is changed by what an estimator says."""
+def shift_flux(coil: Coil, change: Scalar) -> Coil:
+    """Change the flux linkage by what an estimator says."""
     return coil._replace(flux=coil.flux + change, drawn=coil.drawn + change)
 
 
-def topped(coil: Coil, is_noisy: Scalar, par: Parameters) -> Coil:
-    """After a soft closing the flux linkage is nearly that of the last ones, and their mean has less noise."""
+def average_top(coil: Coil, is_noisy: Scalar, par: Parameters) -> Coil:
+    """Average the flux linkage at the end of soft closings, which is nearly the same each time."""
     off = coil.flux - coil.top
     is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART * wandering(coil, par))
     top = where(is_near, coil.top + where(is_noisy, STEADIER, TOP) * off, coil.flux)
     return coil._replace(top=top, shift=top - coil.flux, flux=top)
 
 
-def _restarted(coil: Coil, start: Scalar) -> Coil:
+def _restart_means(coil: Coil, start: Scalar) -> Coil:
     return coil._replace(flux=start, charge=0.0, passed=0.0, shift=0.0, drawn=0.0, highest=0.0, lowest=0.0, rise=0.0)

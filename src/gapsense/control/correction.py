@@ -20,16 +20,16 @@ def at_sample(errors: Array, half: Scalar, sample: Scalar) -> Scalar:
     return total(load(errors, place) for place in places) / (2 * AROUND + 1)
 
 
-def corrected(state: State, inputs: Inputs, par: Parameters) -> State:
-    """With the smoothed flux linkage of a sample that an estimator has published."""
-    half, sample, is_known = _found(state, inputs, par)
+def correct_flux(state: State, inputs: Inputs, par: Parameters) -> State:
+    """Correct the flux linkage by the smoothed one of a sample that an estimator has published."""
+    half, sample, is_known = _find_sample(state, inputs, par)
     place = half * LONGEST + sample
     wanted, error = load(state.profiles, place), load(state.errors, place)
     new = error + GAIN * clip(wanted - inputs.smoothed_flux_linkage, -LARGEST, LARGEST)
     return state._replace(errors=store(state.errors, place, where(is_known & (wanted > 0.0), new, error)))
 
 
-def _found(state: State, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
+def _find_sample(state: State, inputs: Inputs, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
     """Operation and sample that the smoothed values belong to, and whether it is still in memory."""
     age = floor((inputs.time - inputs.smoothed_time) / par.sample_time + 0.5)
     now = state.running

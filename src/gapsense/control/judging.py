@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import arrived, is_of_core, landed, moved_earlier, running_plan
-from gapsense.control.coil import left_open, raised, steadied_error, wandering
+from gapsense.control.bend import is_of_core, landing_speed, moved_earlier, running_plan, tell_arrival
+from gapsense.control.coil import left_open, raise_hold, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
-from gapsense.control.tracking import is_after, planned
+from gapsense.control.tracking import is_after, plan_operation
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import cond, fabs, not_, sqrt, where
@@ -34,14 +34,14 @@ LESS = 0.4  # of the error by noise, where the current is averaged
 YOUNG = 8.0  # cycles in which approaches are still fast
 
 
-def warned(state: State) -> State:
-    """With the sum of what was noticed in this cycle, or in the last one, where something new was."""
+def update_warnings(state: State) -> State:
+    """Set the warnings: the sum of what was noticed in this cycle or the last one."""
     noticed = (where(now > last, now, last) for now, last in zip(state.noted, state.remembered))
     return state._replace(warnings=total(bit * is_so for bit, is_so in zip(WARNINGS, noticed)))
 
 
-def listened(state: State, inputs: Inputs) -> Heard:
-    """The contact at a sample: the last take-off before the first landing, and that, which it may tell late."""
+def note_contact(state: State, inputs: Inputs) -> Heard:
+    """Note the contact of a sample: the first landing, and the last take-off before it."""
     late, is_closing = state.late, state.running.command > 0.5
     told = [moved_earlier(at, late - state.heard.taken) for at in (state.heard.takeoff, state.heard.landing)]
     heard = state.heard._replace(takeoff=told[0], landing=told[1], taken=late)
@@ -57,17 +57,17 @@ def listened(state: State, inputs: Inputs) -> Heard:
 
 
 def judged_by_contact(state: State, par: Parameters) -> State:
-    """With its end: what the contact has said of it, and the current where it tells a stop that was hit before."""
+    """Judge an ended operation by its contact, and by the current where that tells an earlier hit."""
     heard, is_plain = _with_hit(state, par), state.running.is_plain > 0.0
     says_nothing = is_plain & (heard.takeoff < 1.0) & (heard.landing < 1.0) & (state.is_open < 1.0)
     noted = state.noted._replace(unseen=where(says_nothing, 1.0, state.noted.unseen))
     has_landed = where(heard.landing > 0.0, 1.0, 0.0)
     state = state._replace(heard=heard, noted=noted)
-    return _judged(state, state.running.command, has_landed, heard.landing * par.sample_time, par)
+    return _judge_landing(state, state.running.command, has_landed, heard.landing * par.sample_time, par)
 
 
 def judged_by_reluctance(state: State, par: Parameters) -> State:
-    """With the end of an ordinary closing: whether the mover is open still, and gets more voltage the next time.
+    """Judge an ordinary closing: if the mover is still open, more voltage is due next time.
 
     It gets more current from then on, unless a contact denies it or is not known.
     """
@@ -75,7 +75,7 @@ def judged_by_reluctance(state: State, par: Parameters) -> State:
     is_open = where(left_open(state.coil, par) & not_(by_contact & (mode == LOWER)), 1.0, 0.0)
     is_sure = (is_open > 0.0) & (not_(by_contact) | (mode > LOWER))
     return state._replace(
-        coil=cond(is_sure, lambda: raised(state.coil), lambda: state.coil),
+        coil=cond(is_sure, lambda: raise_hold(state.coil), lambda: state.coil),
         noted=state.noted._replace(open=is_open),
         is_open=is_open,
         is_strong=is_open,
@@ -83,28 +83,28 @@ def judged_by_reluctance(state: State, par: Parameters) -> State:
 
 
 def judged_by_current(state: State, par: Parameters) -> State:
-    """At the end of an operation: whether it landed hard or, by the contact, not at all."""
+    """Judge an ended operation: whether it landed hard or, by the contact, not at all."""
     heard, running, is_soft = state.heard, state.running, state.running.is_plain < 1.0
     by_contact = state.by_model < 1.0
     is_hit = not_(by_contact) | (heard.landing == heard.hit) | (heard.hardest > SURELY)  # else the contact was in time
-    speed = cond(heard.landing > 0.0, lambda: landed(state, par), lambda: 0.0)
+    speed = cond(heard.landing > 0.0, lambda: landing_speed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
-    timed = _timed(state, par)
+    timed = _speed_by_time(state, par)
     speed = where(by_contact & (running.averaged > 0.0) & (timed > speed), timed, speed)
     is_hard = is_soft & (speed > AUDIBLE)
     law = laws.read(state.laws, running.command)
-    is_there, is_absent, seated = arrived(state, law.seated, par)
+    is_there, is_absent, seated = tell_arrival(state, law.seated, par)
     has_touched = by_contact & (heard.landing > 0.0) & not_(is_after(running, heard.landing, par))
     is_short = is_soft & not_(has_touched) & (is_absent | (by_contact & (heard.landing < 1.0)))
     is_felt = is_soft & is_there & not_(by_contact) & (law.missed > 0.0)
     law = law._replace(missed=law.missed - where(is_felt, FELT, 0.0), seated=where(is_soft, seated, law.seated))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
-    return _alarmed(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
+    return _raise_alarm(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
 
 
-def _timed(state: State, par: Parameters) -> Scalar:
-    """Speed with which a mover has landed earlier than planned, or so late that it had been let go [m/s]."""
+def _speed_by_time(state: State, par: Parameters) -> Scalar:
+    """Impact speed of a mover that landed earlier than planned, or so late that it had been let go [m/s]."""
     heard, running, m = state.heard, state.running, make_mover(par)
     plan = running_plan(running, par)
     tau = heard.landing * par.sample_time - plan.lead
@@ -115,12 +115,12 @@ def _timed(state: State, par: Parameters) -> Scalar:
 
 
 def _most(speed: Scalar) -> Scalar:
-    """Impact speed that nothing but a change explains, after an approach with a speed [m/s]."""
+    """Impact speed beyond which only a change of the device explains a landing [m/s]."""
     return ENOUGH + ALLOWED * speed
 
 
 def _with_hit(state: State, par: Parameters) -> Heard:
-    """A stop that the current tells, where the contact comes much later than planned, or not at all."""
+    """Take the hit that the current tells for the landing, where the contact comes much later or not at all."""
     heard, running = without_core(state, par).heard, state.running
     plan = running_plan(running, par)
     late = heard.landing * par.sample_time - plan.lead - arrival(plan)
@@ -130,19 +130,19 @@ def _with_hit(state: State, par: Parameters) -> Heard:
 
 
 def without_core(state: State, par: Parameters) -> State:
-    """Without a hit that is the bend of a core."""
+    """Drop a hit that is the bend of a saturating core."""
     heard, is_hit = state.heard, not_(is_of_core(state, par))
     heard = heard._replace(hit=where(is_hit, heard.hit, 0.0), hardest=where(is_hit, heard.hardest, 0.0))
     return state._replace(heard=heard)
 
 
-def _alarmed(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> State:
-    """After a soft operation that landed hard or not at all: a cycle is ordinary, and all is learnt afresh."""
+def _raise_alarm(state: State, half: Scalar, is_bad: Scalar, par: Parameters) -> State:
+    """After a bad soft operation order an ordinary cycle, and forget what was learnt."""
 
     def afresh() -> Array:
         known = state.laws
         for each in (CLOSING, OPENING):
-            known = laws.write(known, each, laws.doubted(laws.read(known, each), state.by_model, par))
+            known = laws.write(known, each, laws.forget(laws.read(known, each), state.by_model, par))
         return known
 
     def doubted() -> State:
@@ -175,26 +175,27 @@ def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
             last_is_judged=where(is_last_due, 1.0, running.last_is_judged),
         ),
     )
-    state = cond(is_last_due, lambda: _told(state, *last, inputs, par), lambda: state)
-    state = cond(is_due, lambda: _told(state, now, start, running.age * T_s, inputs, par), lambda: state)
-    return cond(is_due | is_last_due, lambda: warned(state), lambda: state)
+    state = cond(is_last_due, lambda: _landing_told(state, *last, inputs, par), lambda: state)
+    state = cond(is_due, lambda: _landing_told(state, now, start, running.age * T_s, inputs, par), lambda: state)
+    return cond(is_due | is_last_due, lambda: update_warnings(state), lambda: state)
 
 
 def _is_known(half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> Scalar:
     """Whether the operation that began at `start` is among those that the estimator has solved."""
     lead = where(half > 0.5, par.closing_lead, par.opening_lead)
     shown = inputs.smoothed_time - start
-    return (length > 0.0) & ((_landed(start, length, inputs) > 0.0) | ((shown > lead) & (shown <= length)))
+    return (length > 0.0) & ((_estimator_landed(start, length, inputs) > 0.0) | ((shown > lead) & (shown <= length)))
 
 
-def _landed(start: Scalar, length: Scalar, inputs: Inputs) -> Scalar:
-    """1: the landing that the estimator tells is one of an operation."""
+def _estimator_landed(start: Scalar, length: Scalar, inputs: Inputs) -> Scalar:
+    """1 if the landing that the estimator tells lies within an operation, else 0."""
     landing = inputs.landing_time - start
     return where((landing > 0.0) & (landing <= length), 1.0, 0.0)
 
 
-def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> State:
-    has_landed = _landed(start, length, inputs)
+def _landing_told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> State:
+    """Judge an operation whose window the estimator has explained."""
+    has_landed = _estimator_landed(start, length, inputs)
     law = laws.read(state.laws, half)
     heard = _impact_heard(state, law, has_landed, inputs, par)
     is_hard = (inputs.misfit < GOOD) & (inputs.estimated_impact_speed > _most(law.speed))
@@ -202,19 +203,19 @@ def _told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inp
 
     def judged() -> State:
         landing, is_timed = inputs.landing_time - start, (inputs.misfit < GOOD) & (has_landed > 0.0)
-        eased = heard._replace(laws=_eased(heard.laws, half, landing, is_timed, par))
-        return _alarmed(_judged(eased, half, has_landed, landing, par), half, is_bad, par)
+        eased = heard._replace(laws=_ease_opening(heard.laws, half, landing, is_timed, par))
+        return _raise_alarm(_judge_landing(eased, half, has_landed, landing, par), half, is_bad, par)
 
     return cond(state.by_model > 0.0, judged, lambda: heard)
 
 
-def _eased(known: Array, half: Scalar, landing: Scalar, is_timed: Scalar, par: Parameters) -> Array:
-    """What a slow opening teaches whose landing is told; a half bridge does not pull its flux linkage down."""
+def _ease_opening(known: Array, half: Scalar, landing: Scalar, is_timed: Scalar, par: Parameters) -> Array:
+    """Learn from a slow opening whose landing is told; a half bridge cannot pull its flux linkage down."""
     law = laws.read(known, half)
-    plan = planned(half, law.speed, law.travel, 0.0, par)
+    plan = plan_operation(half, law.speed, law.travel, 0.0, par)
     is_told = is_timed & (half < 0.5) & (law.was_plain < 1.0) & (law.speed < SLOW * par.approach_least)
     is_told = is_told & (par.voltage_least < 0.0)
-    return laws.write(known, half, laws.eased(law, is_told, landing - plan.lead - arrival(plan)))
+    return laws.write(known, half, laws.ease_opening(law, is_told, landing - plan.lead - arrival(plan)))
 
 
 def _impact_heard(state: State, law: Law, has_landed: Scalar, inputs: Inputs, par: Parameters) -> State:
@@ -245,17 +246,19 @@ def _slowest(state: State, par: Parameters) -> Scalar:
     return where(added > par.approach_least, added, par.approach_least)
 
 
-def _judged(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par: Parameters) -> State:
-    """What follows from a landing so long after the command, or from none: the next approach, a stronger hold."""
+def _judge_landing(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par: Parameters) -> State:
+    """Draw the consequences of a landing, or of none: the next approach, a stronger hold."""
     law = laws.read(state.laws, half)
-    plan, is_plain = planned(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
+    plan, is_plain = plan_operation(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
     first = where(half > 0.5, par.closing_travel, par.opening_travel)
     is_late = laws.is_late(has_landed, after, first, state.running.averaged > 0.0)
     is_weak = (has_landed < 1.0) & (state.by_model < 1.0)
     kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
-    law = cond(is_plain, lambda: plain, lambda: laws.judged(law, has_landed, is_late, _slowest(state, par), par))
+    law = cond(
+        is_plain, lambda: plain, lambda: laws.choose_approach(law, has_landed, is_late, _slowest(state, par), par)
+    )
     return state._replace(
         laws=laws.write(state.laws, half, law),
         fell=where(is_late, 1.0, 0.0),

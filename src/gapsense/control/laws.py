@@ -53,15 +53,15 @@ def first(travel: Scalar, by_model: Scalar, par: Parameters) -> Law:
     )
 
 
-def doubted(law: Law, by_model: Scalar, par: Parameters) -> Law:
-    """After a sudden change: what was learnt is a guess, and is learnt afresh from there."""
+def forget(law: Law, by_model: Scalar, par: Parameters) -> Law:
+    """Take what was learnt for a guess after a sudden change, and learn afresh from there."""
     new = first(law.travel, by_model, par)
     cov = diagonal([s * s for s in DOUBTED])
     return law._replace(cov=cov, slopes=new.slopes, trend=new.trend, speed=new.speed, floor=new.floor)
 
 
-def started(law: Law, is_plain: Scalar) -> Law:
-    """With an operation that nobody has judged yet."""
+def start_operation(law: Law, is_plain: Scalar) -> Law:
+    """Count an operation that begins as not judged yet."""
     missed = law.missed + where(is_plain, 0.0, UNJUDGED)
     return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), was_followed=1.0)
 
@@ -71,8 +71,8 @@ def is_late(has_landed: Scalar, after: Scalar, travel: Scalar, is_noisy: Scalar)
     return (has_landed < 1.0) | (after > where(is_noisy, LATER, LATE) * travel)
 
 
-def judged(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters) -> Law:
-    """After a soft operation; `least` is the speed of the slowest approaches."""
+def choose_approach(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters) -> Law:
+    """Choose the next approach after a soft operation; `least` is the speed of the slowest ones."""
     raised, faster, slower = RAISE * law.speed, law.speed / SHRINK, SHRINK * law.speed
     higher = where(law.floor > raised, law.floor, raised)
     higher = where(higher < HIGHEST_FLOOR, higher, HIGHEST_FLOOR)
@@ -88,8 +88,8 @@ def judged(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par:
     )
 
 
-def eased(law: Law, is_told: Scalar, after: Scalar) -> Law:
-    """With less flux linkage near the open stop, if two openings in a row came late, by an estimator.
+def ease_opening(law: Law, is_told: Scalar, after: Scalar) -> Law:
+    """Plan less flux linkage near the open stop, if an estimator tells two late openings in a row.
 
     The estimator only tells late ones: while the mover floats before its stop, a model of another core drifts, and soon
     takes it for landed where it is not.
@@ -106,7 +106,7 @@ def missed_by(law: Law, has_landed: Scalar) -> Scalar:
     return where(has_landed > 0.0, 0.0, law.missed + (1.0 - UNJUDGED))
 
 
-def stretched(law: Law, first: Scalar) -> Scalar:
-    """A longer travel, as the voltage was at its limit for more than some samples."""
+def stretch_travel(law: Law, first: Scalar) -> Scalar:
+    """Lengthen the travel, because the voltage was at its limit for more than some samples."""
     travel, longest = STRETCH * law.travel, LONGEST_TRAVEL * first
     return where(travel < longest, travel, longest)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from gapsense.control import laws
 from gapsense.control.bend import SURE, speed_at
-from gapsense.control.mover import NUMBERS, Motion, Mover, depth, make_mover, moved, squared_flux, squares, started
+from gapsense.control.mover import NUMBERS, Motion, Mover, depth, make_mover, move, squared_flux, squares, start_at_rest
 from gapsense.control.profile import stops
 from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
 from gapsense.estimators.kalman import Gaussian, condition
@@ -33,7 +33,7 @@ INSTANT = 0.5  # error of the time of the landing, in samples
 UNKNOWN = 1e6  # variance of what was not measured
 FLAT = 1e-9  # slope of the position at the landing by the balance [m]
 SPEED = 0.2  # error of an impact speed that somebody has measured [m/s]
-LITTLE = 1e-4  # flux linkage [Wb]
+LEAST_FLUX = 1e-4  # flux linkage [Wb]
 FARTHEST, LARGEST = 0.3, 0.8  # change at once, and value, of a, b, q
 DRIFT = (0.005, 0.005, 0.005, 0.01)  # of a, b, q, r from operation to operation
 # over that with a noisy current; openings with more of q, r would come to float, and then to be hard, in the plane that
@@ -42,8 +42,8 @@ WILDER = ((4.0, 4.0, 1.0, 1.0), (4.0, 4.0, 4.0, 4.0))
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
-def worked(state: State, par: Parameters) -> State:
-    """A piece of the pass; after the last one its result."""
+def work(state: State, par: Parameters) -> State:
+    """Do a piece of the pass; the last one gives its result."""
     is_due = state.course.last >= state.course.at
     return cond(is_due, lambda: _gone(state, par), lambda: state)
 
@@ -53,7 +53,7 @@ def _gone(state: State, par: Parameters) -> State:
     for _ in range(AT_ONCE):
         course = _next(course, state, m, par)
     state = state._replace(course=course)
-    return cond(course.at > course.last, lambda: _concluded(state, m, par), lambda: state)
+    return cond(course.at > course.last, lambda: _conclude_pass(state, m, par), lambda: state)
 
 
 def with_law(m: Mover, mean: Array) -> Mover:
@@ -61,7 +61,7 @@ def with_law(m: Mover, mean: Array) -> Mover:
     return m._replace(**dict(zip(("balance", "slope", "lightness", "drag"), mean)))
 
 
-def measured(state: State, at: Scalar) -> Scalar:
+def flux_at(state: State, at: Scalar) -> Scalar:
     """Flux linkage of a sample of the pass, by the resistance that is known now [Wb]."""
     place = state.course.half * LONGEST + at
     return load(state.fluxes, place) - state.course.correction * load(state.charges, place)
@@ -70,15 +70,15 @@ def measured(state: State, at: Scalar) -> Scalar:
 def _next(course: Pass, state: State, m: Mover, par: Parameters) -> Pass:
     """The next sample, if there is one."""
     at = where(course.at <= course.last, course.at, course.last)
-    squared = squares(measured(state, at - 1.0), measured(state, at))
-    new = moved(record(Motion, course.motion), squared, par.sample_time, m)
+    squared = squares(flux_at(state, at - 1.0), flux_at(state, at))
+    new = move(record(Motion, course.motion), squared, par.sample_time, m)
     is_new = course.at <= course.last
     motion = where_each(is_new, vector(flat(new)), course.motion)
     return course._replace(motion=motion, at=where(is_new, at + 1.0, course.at))
 
 
-def begun(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: Parameters) -> State:
-    """A pass over the operation that has ended; none, if the mover did not leave its stop while samples were kept."""
+def begin_pass(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: Parameters) -> State:
+    """Begin a pass over the ended operation; none if the mover did not leave its stop while samples were kept."""
     contact, law = state.heard, laws.read(state.laws, half)
     # if something has changed in a cycle, only its ordinary operations tell what
     is_believed = (state.noted.changed < 1.0) | (state.running.is_plain > 0.0)
@@ -88,20 +88,20 @@ def begun(state: State, half: Scalar, correction: Scalar, impact: Scalar, par: P
     last = where(has_landed, contact.landing, contact.takeoff)
     first = where(has_left, contact.takeoff, 0.0)
     span = (first, first, where(has_left, last, -1.0), where(has_landed, 1.0, 0.0))
-    course = Pass(half, *span, correction, impact, vector(flat(started(z0))))
+    course = Pass(half, *span, correction, impact, vector(flat(start_at_rest(z0))))
     is_stuck = (contact.began > 0.0) & (contact.takeoff < 1.0) & (law.was_followed > 0.0)
     a = law.mean[0] + where(is_stuck, where(half > 0.0, STUCK, -STUCK), 0.0)
     law = law._replace(mean=vector([clip(a, -LARGEST, LARGEST), *law.mean[1:]]))
     return state._replace(course=course, laws=laws.write(state.laws, half, law))
 
 
-def _concluded(state: State, m: Mover, par: Parameters) -> State:
-    """One step of a Kalman filter: take-off, landing, impact speed."""
+def _conclude_pass(state: State, m: Mover, par: Parameters) -> State:
+    """Update a, b, q, r by one step of a Kalman filter: take-off, landing, impact speed."""
     course, law = state.course, laws.read(state.laws, state.course.half)
     (z0, z1), (z, v, *slopes) = stops(course.half > 0.0, m), course.motion
-    before, after = measured(state, course.left - 1.0), measured(state, course.left)
+    before, after = flux_at(state, course.left - 1.0), flux_at(state, course.left)
     mean, step = 0.5 * (before + after), fabs(after - before)
-    mean = where(mean > LITTLE, mean, LITTLE)
+    mean = where(mean > LEAST_FLUX, mean, LEAST_FLUX)
     believed = squared_flux(z0, 0.0, 0.0, with_law(m, vector([0.0] * NUMBERS)))
     x0 = depth(z0, m)
     late = (course.last - course.left) * par.sample_time / law.travel

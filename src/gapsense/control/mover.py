@@ -88,13 +88,13 @@ def squared_flux(z: Scalar, v: Scalar, a: Scalar, m: Mover) -> Scalar:
     return balance(z, m) * (1.0 - inertia / where(force(z, m) > LIGHT, force(z, m), LIGHT))
 
 
-def started(z: Scalar) -> Motion:
-    """At rest."""
+def start_at_rest(z: Scalar) -> Motion:
+    """Motion that starts at rest."""
     return blank(Motion, position=z)
 
 
-def moved(at: Motion, squared: Scalar, dt: Scalar, m: Mover) -> Motion:
-    """The motion after a time dt in which the square of the flux linkage is given."""
+def move(at: Motion, squared: Scalar, dt: Scalar, m: Mover) -> Motion:
+    """Motion after a time dt in which the square of the flux linkage is given."""
     z = clip(at.position, m.gap.smallest - OUTSIDE, m.gap.largest + OUTSIDE)
     is_inside = where(z == at.position, 1.0, 0.0)
     slope, curvature = gap_slopes(z, m)

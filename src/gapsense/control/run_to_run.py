@@ -14,23 +14,23 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, located, piece, told_at, watched
+from gapsense.control.bend import due, find_hardest_bend, located, piece, told_at
 from gapsense.control.coil import (
     AVERAGED,
     WARM,
-    closed,
-    drawn,
+    average_top,
     first_coil,
     held_resistance,
-    integrated,
+    integrate_sample,
     is_scarce,
+    learn_resistance,
+    learn_zero,
     reluctance_at,
-    steadied,
-    told,
-    topped,
+    shift_flux,
+    steady_flux,
+    take_estimates,
     usual_current,
     wandering,
-    zeroed,
 )
 from gapsense.control.judging import (
     GOOD,
@@ -42,8 +42,8 @@ from gapsense.control.judging import (
     judged_by_current,
     judged_by_estimator,
     judged_by_reluctance,
-    listened,
-    warned,
+    note_contact,
+    update_warnings,
     without_core,
 )
 from gapsense.control.mover import balance
@@ -64,7 +64,7 @@ from gapsense.control.records import (
     Running,
     State,
 )
-from gapsense.control.tracking import believed, expected_current, is_late, mover_of, planned, tracked
+from gapsense.control.tracking import expected_current, is_late, mover_of, nominal_mover, plan_operation, track_plan
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
@@ -83,23 +83,23 @@ AGAIN = 2.0  # averaged operations, after an ordinary one
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
 
-def turned(state: State, inputs: Inputs, par: Parameters) -> State:
-    """An operation ends, and the next one begins."""
-    state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _cycled(state, inputs, par))
-    return warned(_begun(state, inputs, par))
+def turn_operation(state: State, inputs: Inputs, par: Parameters) -> State:
+    """End an operation and begin the next one."""
+    state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _end_cycle(state, inputs, par))
+    return update_warnings(_begin_operation(state, inputs, par))
 
 
 # the end of an operation
 
 
-def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) -> State:
-    """What an operation leaves; the resistance of its samples is to be corrected."""
+def _end_operation(state: State, correction: Scalar, inputs: Inputs, par: Parameters) -> State:
+    """Keep what an operation leaves; `correction` is the change of the resistance of its samples."""
     running, half, known = state.running, state.running.command, state.laws
     law = laws.read(known, half)._replace(length=running.age)
     first = where(half > 0.0, par.closing_travel, par.opening_travel)
     is_warm = running.strain > WARM
     is_limited, is_told = running.limited > laws.LIMITED, running.limited > TOLD
-    law = law._replace(travel=where(is_limited, laws.stretched(law, first), law.travel))
+    law = law._replace(travel=where(is_limited, laws.stretch_travel(law, first), law.travel))
     is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
     law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
     noted = state.noted._replace(
@@ -111,40 +111,40 @@ def _ended(state: State, correction: Scalar, inputs: Inputs, par: Parameters) ->
     by_contact = state.by_model < 1.0
     judged = cond(by_contact, lambda: judged_by_contact(state, par), lambda: without_core(state, par))
     told = judged_by_current(judged, par)
-    return cond(by_contact, lambda: learning.begun(told, half, correction, inputs.impact_speed, par), lambda: told)
+    return cond(by_contact, lambda: learning.begin_pass(told, half, correction, inputs.impact_speed, par), lambda: told)
 
 
 def _held(state: State, inputs: Inputs, par: Parameters) -> State:
-    """A closing has ended; an ordinary one tells the resistance."""
+    """End a closing; an ordinary one tells the resistance."""
     coil, is_plain = state.coil, state.running.is_plain > 0.0
     R = where(is_plain, held_resistance(coil, par), coil.resistance)
     state = state._replace(coil=coil._replace(measured=where(is_plain, R, coil.measured)))
     state = cond(is_plain, lambda: judged_by_reluctance(state, par), lambda: state)
-    state = _ended(state, R - coil.resistance, inputs, par)
+    state = _end_operation(state, R - coil.resistance, inputs, par)
     return state._replace(coil=_opening(state, is_plain, inputs, par))
 
 
 def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
-    """The flux linkage with which an opening begins: a mean of the last ones, or that of an estimator in its senses."""
+    """Flux linkage with which an opening begins: a mean of the last ones, or that of a credible estimator."""
     coil, by_contact = state.coil, state.by_model < 1.0
     off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
-    told = drawn(coil, where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
-    return cond(by_contact & not_(is_plain), lambda: topped(coil, state.running.averaged > 0.0, par), lambda: told)
+    told = shift_flux(coil, where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
+    return cond(by_contact & not_(is_plain), lambda: average_top(coil, state.running.averaged > 0.0, par), lambda: told)
 
 
-def _cycled(state: State, inputs: Inputs, par: Parameters) -> State:
-    """An opening has ended, and a cycle with it; before the first command there was none."""
-    return cond(state.cycles > 0.0, lambda: _next_cycle(state, inputs, par), lambda: _informed(state, par))
+def _end_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
+    """End an opening and its cycle; before the first command there was none."""
+    return cond(state.cycles > 0.0, lambda: _next_cycle(state, inputs, par), lambda: _begin_first_cycle(state, par))
 
 
-def _informed(state: State, par: Parameters) -> State:
-    """The first cycle begins."""
+def _begin_first_cycle(state: State, par: Parameters) -> State:
+    """Begin the first cycle."""
     state = _unlearnt(state, 0.0, par)
     return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0, passed=0.0), cycles=1.0)
 
 
 def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
-    """Nothing is known of either operation; with one missed, the next ones are ordinary if none was soft yet."""
+    """Forget both operations; with one missed, the next ones are ordinary if none was soft yet."""
     known = state.laws
     for half, travel in ((CLOSING, par.closing_travel), (OPENING, par.opening_travel)):
         known = laws.write(known, half, laws.first(travel, state.by_model, par)._replace(missed=missed))
@@ -152,7 +152,7 @@ def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
 
 
 def _handed_over(state: State, inputs: Inputs, par: Parameters) -> State:
-    """To the estimator, if there is one, where what the contact teaches lands hard again and again, or would."""
+    """Hand over to the estimator, if there is one, where landings by contact are or would be hard again and again."""
     is_hard = (state.landed_hard >= HARD_ROW) | _is_noisy(state, par)
     is_due = (state.by_model < 1.0) & is_hard & _is_told(state, inputs, par)
     handed = state._replace(by_model=1.0, landed_hard=0.0)
@@ -163,41 +163,41 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     followed = state.by_model
     state = _handed_over(state, inputs, par)
     is_plain, by_contact = state.running.is_plain > 0.0, state.by_model < 1.0
-    coil: Coil = cond(is_plain, lambda: zeroed(state.coil, par), lambda: state.coil)
+    coil: Coil = cond(is_plain, lambda: learn_zero(state.coil, par), lambda: state.coil)
     is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
     new = cond(
         by_contact,
-        lambda: closed(coil, state.since_plain + 1.0, is_open, state.running.averaged > 0.0, par),
-        lambda: told(coil, state.cycles, inputs, par),
+        lambda: learn_resistance(coil, state.since_plain + 1.0, is_open, state.running.averaged > 0.0, par),
+        lambda: take_estimates(coil, state.cycles, inputs, par),
     )
     used = where(by_contact, new.measured, new.resistance)
-    state = _ended(state, used - coil.resistance, inputs, par)
+    state = _end_operation(state, used - coil.resistance, inputs, par)
     is_off = fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par)
     is_off = is_off | (fabs(coil.voltage_zero - state.coil.voltage_zero) > SHIFTED * par.voltage_most)
     state = cond(by_contact & is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
     is_grown = ((state.cycles == YOUNG) | (state.since_plain == YOUNG)) & not_(is_scarce(state.coil, par))
-    known = cond(is_grown, lambda: _grown(state.laws, par), lambda: state.laws)
+    known = cond(is_grown, lambda: _forget_youth(state.laws, par), lambda: state.laws)
     return state._replace(
         coil=new,
         laws=known,
         cycles=state.cycles + 1.0,
         alarm=where(state.by_model > followed, 0.0, state.alarm),  # another law is the answer then
         since_plain=state.since_plain + 1.0,
-        remembered=vector([*_noted(state, par)]),
+        remembered=vector([*_note_cycle(state, par)]),
         noted=NOTHING,
         explained=0.0,
     )
 
 
-def _grown(known: Array, par: Parameters) -> Array:
-    """What was short while the model was young is forgotten."""
+def _forget_youth(known: Array, par: Parameters) -> Array:
+    """Forget which approaches were too short while the model was young."""
     for half in (CLOSING, OPENING):
         known = laws.write(known, half, laws.read(known, half)._replace(floor=par.approach_least))
     return known
 
 
-def _noted(state: State, par: Parameters) -> Noted:
-    """With what only a whole cycle tells."""
+def _note_cycle(state: State, par: Parameters) -> Noted:
+    """Note what only a whole cycle tells."""
     is_ready = (state.is_ready > 0.0) | (state.since_plain > 0.0) | (state.cycles < PATIENT)
     unexplained = (state.by_model > 0.0) & ((state.explained < 1.0) | not_(is_ready))
     unexplained = unexplained | (state.noted.unexplained > 0.0)
@@ -217,8 +217,8 @@ def _is_noisy(state: State, par: Parameters, share: float = 1.0) -> Scalar:
 # the beginning of an operation
 
 
-def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
-    """Soft, if a cycle begins for which enough is known."""
+def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
+    """Begin an operation; it is soft if a cycle begins for which enough is known."""
     half, by_contact = 1.0 - state.running.command, state.by_model < 1.0
     law, is_closing, is_ready = laws.read(state.laws, half), half > 0.5, _is_ready(state, inputs, par)
     falls_back, is_unsure = is_closing & _falls_back(state), not_(by_contact) & (law.missed >= laws.UNJUDGED)
@@ -239,7 +239,7 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     is_unexplained = starts_again & (state.alarm < 1.0)
     return state._replace(
         noted=state.noted._replace(unexplained=where(is_unexplained, 1.0, state.noted.unexplained)),
-        laws=laws.write(state.laws, half, laws.started(law, is_plain)),
+        laws=laws.write(state.laws, half, laws.start_operation(law, is_plain)),
         running=blank(
             Running,
             command=half,
@@ -249,10 +249,10 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
             travel=law.travel,
             learnt=learnt,
             balance_flux=balance_flux,
-            averaged=where(is_averaged, _averaged(state.running.averaged, is_plain), 0.0),
+            averaged=where(is_averaged, _average_current(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
             piece=piece(where(is_averaged, state.coil.noise, 0.0), par),
-            due=due(planned(half, law.speed, law.travel, 0.0, par), par),
+            due=due(plan_operation(half, law.speed, law.travel, 0.0, par), par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
             drawn_before=state.coil.drawn,
@@ -266,8 +266,8 @@ def _begun(state: State, inputs: Inputs, par: Parameters) -> State:
     )
 
 
-def _averaged(count: Scalar, is_plain: Scalar) -> Scalar:
-    """With one more soft operation; an ordinary one tells of a change, and the means follow quickly again."""
+def _average_current(count: Scalar, is_plain: Scalar) -> Scalar:
+    """Count one more soft operation; after an ordinary one, which tells of a change, the means follow quickly again."""
     return where(is_plain, where(count < AGAIN, count, AGAIN), count + 1.0)
 
 
@@ -301,7 +301,7 @@ def _learnt(state: State, inputs: Inputs, par: Parameters) -> list[Scalar]:
     has_learnt = (state.by_model > 0.0) & (inputs.windows > 0.0) & (inputs.estimated_mass > 0.0)
     gap = (inputs.estimated_gap_factor, inputs.estimated_gap_bend)
     found = (*gap, inputs.estimated_rest_position, inputs.estimated_mass, inputs.estimated_viscous_damping)
-    return [where(has_learnt, new, old) for new, old in zip(found, believed(par))]
+    return [where(has_learnt, new, old) for new, old in zip(found, nominal_mover(par))]
 
 
 FASTEST = 1e3  # impact speed that can be [m/s]
@@ -316,7 +316,7 @@ def _first(par: Parameters) -> Running:
         is_plain=1.0,
         speed=par.approach_first,
         travel=par.opening_travel,
-        learnt=vector([*believed(par), 0.0, 0.0, 0.0, 0.0]),
+        learnt=vector([*nominal_mover(par), 0.0, 0.0, 0.0, 0.0]),
         piece=piece(0.0, par),
         is_judged=1.0,
         last_is_judged=1.0,
@@ -342,11 +342,11 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample: the loop, the next operation, the voltage until the next sample, and a piece of what is learnt."""
     running = state.running._replace(age=state.running.age + 1.0)
     usual = cond(running.averaged > 0.0, lambda: expected_current(state, running, par), lambda: (0.0, 1.0))
-    coil, is_lost = integrated(state.coil, inputs, is_late(running, par), *usual, par)
+    coil, is_lost = integrate_sample(state.coil, inputs, is_late(running, par), *usual, par)
 
     def steady() -> Coil:
         time, is_noisy = running.age * par.sample_time, _is_noisy(state, par, PART)
-        return steadied(coil, inputs, time, running.drawn_before, is_noisy, par)
+        return steady_flux(coil, inputs, time, running.drawn_before, is_noisy, par)
 
     coil = cond(state.by_model > 0.0, steady, lambda: coil)
     running = running._replace(
@@ -354,27 +354,27 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     noted = state.noted._replace(lost=where(is_lost, 1.0, state.noted.lost))
     state = state._replace(coil=coil, running=running, noted=noted)
-    state = state._replace(heard=listened(state, inputs))
+    state = state._replace(heard=note_contact(state, inputs))
     is_command = (inputs.command > 0.5) | (inputs.command <= 0.5)  # else it is lost, and the last one goes on
     command = where(is_command, where(inputs.command > 0.5, CLOSING, OPENING), running.command)
     goes_on = command == running.command
-    going = cond(is_lost, lambda: warned(state), lambda: state)
-    state = cond(goes_on, lambda: going, lambda: turned(going, _readable(going, inputs), par))
-    state, u = tracked(state, par)
+    going = cond(is_lost, lambda: update_warnings(state), lambda: state)
+    state = cond(goes_on, lambda: going, lambda: turn_operation(going, _readable(going, inputs), par))
+    state, u = track_plan(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
-    state = state._replace(heard=watched(state, par))
+    state = state._replace(heard=find_hardest_bend(state, par))
     state = located(state, par)
-    state = informed(state, inputs, par)
-    return cond(state.by_model > 0.0, lambda: state, lambda: learning.worked(state, par)), _outputs(state, u)
+    state = learn_from_estimator(state, inputs, par)
+    return cond(state.by_model > 0.0, lambda: state, lambda: learning.work(state, par)), _outputs(state, u)
 
 
-def informed(state: State, inputs: Inputs, par: Parameters) -> State:
-    """With what an estimator says of an operation, and of a sample in it, where it explains that."""
+def learn_from_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
+    """Take what an estimator says of an operation and of a sample in it, where it explains them."""
     readable = _readable(state, inputs)
 
     def believed() -> State:
         judged = judged_by_estimator(state, readable, par)
-        return cond(judged.by_model > 0.0, lambda: correction.corrected(judged, readable, par), lambda: judged)
+        return cond(judged.by_model > 0.0, lambda: correction.correct_flux(judged, readable, par), lambda: judged)
 
     is_shown = (inputs.misfit < BAD) & (inputs.smoothed_published > 0.0)
     return cond(is_shown & (readable.misfit < BAD), believed, lambda: state)

@@ -19,8 +19,8 @@ UNTIL, NOISIER = (0.55, 0.6), 6.0
 MEASURED, LASTING = 0.1, 0.05  # least share of that before; of an operation in the mean of the last ones
 
 
-def planned(half: Scalar, speed: Scalar, travel: Scalar, start: Scalar, par: Parameters) -> Operation:
-    """The plan of an operation."""
+def plan_operation(half: Scalar, speed: Scalar, travel: Scalar, start: Scalar, par: Parameters) -> Operation:
+    """Plan of an operation."""
     is_closing = half > 0.5
     lead = where(is_closing, par.closing_lead, par.opening_lead)
     return Operation(
@@ -34,8 +34,8 @@ def planned(half: Scalar, speed: Scalar, travel: Scalar, start: Scalar, par: Par
     )
 
 
-def believed(par: Parameters) -> tuple[Scalar, ...]:
-    """Factor and bend of the gap, rest, mass, damping, as they are told."""
+def nominal_mover(par: Parameters) -> tuple[Scalar, ...]:
+    """Factor and bend of the gap, rest, mass and damping, as the parameters give them."""
     return par.gap_factor, par.gap_bend, par.spring_rest, par.mover_mass, par.damping
 
 
@@ -58,11 +58,11 @@ def is_after(running: Running, sample: Scalar, par: Parameters) -> Scalar:
     return sample * par.sample_time > lead + running.travel + par.approach_time
 
 
-def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
-    """The voltage until the next sample: by the profile, or that of an ordinary operation."""
+def track_plan(state: State, par: Parameters) -> tuple[State, Scalar]:
+    """Voltage until the next sample: by the profile, or that of an ordinary operation."""
     running, coil = state.running, state.coil
     time, T_s = running.age * par.sample_time, par.sample_time
-    plan = planned(running.command, running.speed, running.travel, running.start_flux, par)
+    plan = plan_operation(running.command, running.speed, running.travel, running.start_flux, par)
     is_on = (running.is_plain < 1.0) & is_planned(time + T_s, plan)
 
     def profile() -> tuple[Scalar, Scalar]:
@@ -77,7 +77,7 @@ def tracked(state: State, par: Parameters) -> tuple[State, Scalar]:
     plain = where(running.is_plain > 0.0, driving(coil, par), par.voltage_hold)
     hold = where(state.is_strong > 0.0, par.voltage_most, plain)
     ordinary = where(running.command > 0.5, hold, 0.0)
-    return _kept(state, is_on, now, then, is_on & not_(u == asked), par), where(is_on, u, ordinary)
+    return _keep_sample(state, is_on, now, then, is_on & not_(u == asked), par), where(is_on, u, ordinary)
 
 
 def _error(state: State, is_on: Scalar) -> Scalar:
@@ -86,11 +86,11 @@ def _error(state: State, is_on: Scalar) -> Scalar:
     return cond(is_on & by_model, lambda: correction.at_sample(state.errors, half, age), lambda: 0.0)
 
 
-def _kept(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> State:
-    """What the laws need of a sample."""
-    running, at = _watched(state, is_on, then, is_limited, par), place(state.running, state.running.age)
+def _keep_sample(state: State, is_on: Scalar, now: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> State:
+    """Keep what the laws need of a sample."""
+    running, at = _watch_limits(state, is_on, then, is_limited, par), place(state.running, state.running.age)
     is_clear = is_on & (running.since_limit * par.sample_time > FRESH)
-    kept = cond(running.averaged > 0.0, lambda: _averaged(state, at), lambda: where(is_clear, now, 0.0))
+    kept = cond(running.averaged > 0.0, lambda: _mean_current(state, at), lambda: where(is_clear, now, 0.0))
     return state._replace(
         running=running,
         fluxes=store(state.fluxes, at, state.coil.flux),
@@ -114,8 +114,8 @@ def expected_current(state: State, running: Running, par: Parameters) -> tuple[S
     return expected, where(running.is_plain > 0.0, 1.0, share)
 
 
-def _averaged(state: State, at: Scalar) -> Scalar:
-    """Mean of the current of soft operations at a sample, beside that of the flux linkage where they begin [A]."""
+def _mean_current(state: State, at: Scalar) -> Scalar:
+    """Mean current of soft operations at a sample, less that of the flux linkage where they begin [A]."""
     running, coil, mean = state.running, state.coil, load(state.profiles, at)
     share = where(running.is_plain > 0.0, 0.0, follow(_kind(running), LASTING))
     return mean + share * (coil.last_current - running.reluctance * coil.flux - mean)
@@ -127,12 +127,12 @@ def _kind(running: Running) -> Scalar:
 
 
 def place(running: Running, sample: Scalar) -> Scalar:
-    """Of a sample of the operation in memory; all beyond the last place share that."""
+    """Place in memory of a sample of the operation; all beyond the last place share that."""
     return running.command * LONGEST + where(sample < LONGEST, sample, LONGEST - 1.0)
 
 
-def _watched(state: State, is_on: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> Running:
-    """How near the voltage is to its limits."""
+def _watch_limits(state: State, is_on: Scalar, then: Scalar, is_limited: Scalar, par: Parameters) -> Running:
+    """Watch how near the voltage is to its limits."""
     running, coil = state.running, state.coil
     lead = where(running.command > 0.5, par.closing_lead, par.opening_lead)
     is_moving = running.age * par.sample_time < lead + running.travel

@@ -12,7 +12,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from gapsense._os.offered import offered
+from gapsense._os.offered import offered_names
 
 if TYPE_CHECKING:
     from gapsense.cosim.check import check as check
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     from gapsense.problems import FmuError as FmuError
     from gapsense.problems import ScenarioError as ScenarioError
 
-OFFERED = offered(__file__)  # module of each name in the block above
+OFFERED = offered_names(__file__)  # module of each name in the block above
 
 
 def __getattr__(name: str) -> Any:

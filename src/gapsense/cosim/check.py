@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gapsense._os.files import facts_beside, fingerprint, is_sealed, read_columns, remembered
+from gapsense._os.files import facts_beside, fingerprint, is_sealed, read_columns, remember
 from gapsense.cosim.fmu.archive import UnusableError, read_description
 from gapsense.cosim.fmu.descriptions import (
     NUMERIC,
@@ -196,7 +196,7 @@ def description_at(path: Path, place: str, remedy: str, problems: list[str]) -> 
         return None
 
 
-@remembered
+@remember
 def describe_fmu(path: Path, sizes: tuple[tuple[str, int], ...] = ()) -> Description:
     """Read the model description of an FMU file, with arrays of some sizes."""
     return describe(path, dict(sizes))
@@ -699,7 +699,7 @@ def limits(variable: Variable) -> str:
     return format_limits(*ends(variable), ".10g") + (f" {variable.unit}" if variable.unit else "")
 
 
-@remembered
+@remember
 def parameters_of(file: Path) -> frozenset[str]:
     """Names of the parameters of an FMU file; one that cannot be read has none."""
     try:

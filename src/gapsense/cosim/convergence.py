@@ -15,7 +15,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from gapsense._os.files import refuse_export, refuse_unwritable, sealed, write_atomically, write_json
+from gapsense._os.files import refuse_export, refuse_unwritable, seal, write_atomically, write_json
 from gapsense.cosim.check import check_size, is_sampled, measured_file, memory, prepare, subject, within
 from gapsense.cosim.fmu.descriptions import Description, Descriptions, Variable
 from gapsense.cosim.result.compare import Rows, find_moved_edges
@@ -234,7 +234,7 @@ def converge(
         stopped = f"{runs} runs were allowed"
     found = judge.conclude(results, stopped)
     if write:
-        content = sealed({"of": subject(read, descriptions), **found.facts()})
+        content = seal({"of": subject(read, descriptions), **found.facts()})
         write_atomically(measured_file(read), lambda file: write_json(file, content))
     return found
 

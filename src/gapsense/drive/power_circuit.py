@@ -17,7 +17,7 @@ from functools import partial
 from typing import NamedTuple
 
 from gapsense.kernels.elementary import exp
-from gapsense.kernels.integrate import added, crossing, least, next_part, rk4
+from gapsense.kernels.integrate import add_integrals, crossing, least, next_part, rk4
 from gapsense.kernels.layout import Choice, Scalar
 from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, loop, not_, sqrt, square, where, where_each
 
@@ -224,7 +224,7 @@ def _micro_step(
     done = Circuit(
         stores=end,
         gates=_later(net, gates, length),
-        sums=added(at.sums, sums),
+        sums=add_integrals(at.sums, sums),
         current=then.current,
         voltage=then.voltage,
         path=where(way.is_blocked, 0.0, where(way.is_ahead, 1.0, -1.0)),

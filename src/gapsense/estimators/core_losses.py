@@ -42,7 +42,7 @@ class Losses(NamedTuple):
     length: Scalar  # flux linkage l_h in which h turns over [Wb]
 
 
-def bent(x: Scalar, reluctance: Scalar, bend: Scalar) -> tuple[Scalar, Scalar]:
+def bent_reluctance(x: Scalar, reluctance: Scalar, bend: Scalar) -> tuple[Scalar, Scalar]:
     """Reluctance R_c0 + K x^2/(1 - x^2) of the core at x = |m|, and its derivative by x."""
     y = where(x < SATURATED, x, SATURATED)
     left = 1.0 - square(y)
@@ -66,7 +66,7 @@ def lossy(f: Scalar, lam: Scalar, held: Any, core: Any) -> Scalar:
     return cond((core.eddy > 0.0) | (core.amplitude > 0.0), with_losses, lambda: f)
 
 
-def advanced(h: Scalar, lam: Scalar, change: Scalar, core: Any) -> Scalar:
+def advance_hysteresis(h: Scalar, lam: Scalar, change: Scalar, core: Any) -> Scalar:
     """State h after a `change` of the flux linkage from `lam`, exact for L as at its beginning."""
 
     def turned() -> Scalar:

@@ -23,12 +23,12 @@ from gapsense.estimators.reduced_model import (
     is_moving,
     limit,
     move,
-    normalised,
+    normalise_model,
     observation,
     rest,
     stay,
 )
-from gapsense.estimators.watch import PULL, START, Limits, Seen, Watch, is_far, patient, stationary, watched
+from gapsense.estimators.watch import PULL, START, Limits, Seen, Watch, follow, is_far, patient, stationary
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import measured, output, part, ports
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
@@ -128,12 +128,12 @@ class Pass(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest on the stop that the mode names (61); a mode that says moving, or is lost, counts as the upper stop."""
-    m = normalised(par)
+    m = normalise_model(par)
     now, _, is_whole = _read(inputs, Held(0.0, 3.0), 0.0, par)
     x = rest(now.mode, par.prior_flux_linkage, m)
     variances = vector([0.0, 0.0, square(par.prior_flux_linkage_std), 0.0, 0.0])
     P = diagonal(variances)
-    R = readings.believed(inputs.resistance, par.coil_resistance)
+    R = readings.believed_resistance(inputs.resistance, par.coil_resistance)
     state = State(x=x, P=P, voltage=now.voltage, mode=now.mode, resistance=R, hysteresis=0.0, watch=START)
     health = readings.health({readings.LOST: not_(is_whole)})
     return state, Outputs(physical(Gaussian(x, P), m), innovation=0.0, innovation_std=par.noise_current, health=health)
@@ -141,16 +141,16 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample: prediction, update, projection."""
-    m = normalised(par)._replace(R=state.resistance)
+    m = normalise_model(par)._replace(R=state.resistance)
     before = Held(state.voltage, state.mode, state.hysteresis)
     now, measured, is_whole = _read(inputs, before, state.watch.far, par)
     new = forward(Gaussian(state.x, state.P), before, measured, m, tuning(par))
     x, P = new.filtered
     limits = Limits(par.health_samples, par.health_limit, par.health_current_error)
-    watch = watched(state.watch, _seen(new, state, now, m, par), par.range_innovation, limits)
+    watch = follow(state.watch, _signs(new, state, now, m, par), par.range_innovation, limits)
     health = _health(watch, x, not_(new.is_used & is_whole), par)
     outputs = Outputs(physical(new.filtered, m), new.innovation, new.innovation_std, health)
-    R = readings.believed(inputs.resistance, par.coil_resistance)
+    R = readings.believed_resistance(inputs.resistance, par.coil_resistance)
     return State(
         x=x, P=P, voltage=now.voltage, mode=now.mode, resistance=R, hysteresis=new.hysteresis, watch=watch
     ), outputs
@@ -167,7 +167,7 @@ def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[H
     return now, measured, has_voltage & has_current & has_mode
 
 
-def _seen(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen:
+def _signs(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen:
     """Signs of bad health in a sample: the current error at rest, a position held at a stop during a motion.
 
     Two signs tell that the device is another one: the contact is far from where the mover is believed to be, or a stop
@@ -224,17 +224,17 @@ def forward(before: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
 
     def moved() -> Pass:
         x, F = linearise(move, before.mean, held, m)
-        return _updated(Gaussian(x, predict(before.cov, F, Q)), at_end(x), measured, m, tuned)
+        return _update(Gaussian(x, predict(before.cov, F, Q)), at_end(x), measured, m, tuned)
 
     def stayed() -> Pass:
-        known = _known(before, limit(held.mode))
+        known = _fix_on_stop(before, limit(held.mode))
         x, F = linearise(stay, known.mean, held, m)
-        return _updated(Gaussian(x, predict(known.cov, F, Q)), at_end(x), measured, m, tuned)
+        return _update(Gaussian(x, predict(known.cov, F, Q)), at_end(x), measured, m, tuned)
 
     return cond(is_moving(held.mode), moved, stayed)
 
 
-def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
+def _fix_on_stop(estimate: Gaussian, position: Scalar) -> Gaussian:
     """The estimate at rest on a stop: the position is certain, and the position before it does not matter."""
     x, P = estimate.mean.copy(), estimate.cov.copy()
     x[POSITION] = position
@@ -243,7 +243,7 @@ def _known(estimate: Gaussian, position: Scalar) -> Gaussian:
     return Gaussian(x, P)
 
 
-def _updated(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: Tuning) -> Pass:
+def _update(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: Tuning) -> Pass:
     """On a stop the position is measured as well, without noise (27)-(29); a lost or wild current corrects nothing."""
     h, H = linearise(observation, prior.mean, m, held)
     R = square(tuned.noise_current)
@@ -325,7 +325,7 @@ class Arrays(NamedTuple):
 
 def arrays(state: State, par: Parameters) -> Arrays:
     """Covariance of the normalised state, scaled on both sides; velocity by (23)."""
-    m = normalised(par)
+    m = normalise_model(par)
 
     def scaled(P: Array) -> Array:
         speed = (P[POSITION] - P[POSITION_PREV]) * (m.l_z / m.T_s)

@@ -25,7 +25,7 @@ from gapsense.estimators.reduced_model import (
     gap_law,
     limit,
     magnetic_force,
-    normalised,
+    normalise_model,
     transition,
 )
 from gapsense.kernels.derivative import linearise
@@ -150,7 +150,7 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """As in `ekf`; no operation has ended."""
-    filtered, outputs = ekf.initial(_measured(inputs), par.filter)
+    filtered, outputs = ekf.initial(_measure(inputs), par.filter)
     now = outputs.estimates
     rest = blank(
         Shown,
@@ -167,7 +167,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         kink=kinks.nothing(),
         last=last,
         is_doubtful=0.0,
-        told=kinks.untold(),
+        told=kinks.no_kink(),
         samples=zeros(SIZE),
     )
     return state, Outputs(filter=outputs, smoothed_published=0.0, smoothed_time=inputs.time, smoothed=rest, last=last)
@@ -175,8 +175,8 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
 
 def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """One sample of the filter, one of the backward pass if a motion is to be smoothed, one published if one is."""
-    m, kept = normalised(par.filter), motions.room_for(par.motion_memory)
-    filtered, outputs = ekf.step(state.filter, _measured(inputs), par.filter)
+    m, kept = normalise_model(par.filter), motions.room_for(par.motion_memory)
+    filtered, outputs = ekf.step(state.filter, _measure(inputs), par.filter)
     contact = motions.Contact(
         time=inputs.time,
         mode=filtered.mode,
@@ -186,20 +186,20 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         room=kept,
     )
     now = motions.follow(state.motion, contact)
-    kink = kinks.sought(state.kink, state.motion, inputs.current, state.filter, filtered, m, par.filter)
+    kink = kinks.seek(state.kink, state.motion, inputs.current, state.filter, filtered, m, par.filter)
     landing = _landing(state, now, kink, contact, filtered, m, par)
     now, estimate = now._replace(motion=now.motion._replace(count=landing.count)), landing.estimate
     new = Sample(estimate, filtered.voltage, filtered.resistance, filtered.hysteresis)
-    samples = _stored(state.samples, motions.to_keep(now, contact), new, kept)
-    queue, turn = motions.to_smooth(motions.joined(state.queue, now, contact), now, kept)
-    found = cond(turn.is_due, lambda: _smoothed(samples, turn.place, m, par, kept), lambda: estimate)
-    samples = _stored(samples, turn, found, kept)
+    samples = _store(state.samples, motions.to_keep(now, contact), new, kept)
+    queue, turn = motions.to_smooth(motions.join(state.queue, now, contact), now, kept)
+    found = cond(turn.is_due, lambda: _smooth(samples, turn.place, m, par, kept), lambda: estimate)
+    samples = _store(samples, turn, found, kept)
     last = _last(state, now, contact, landing, found, m)
-    told = _told(landing, last, found, Estimate(filtered.x, filtered.P), limit(contact.mode), m)
+    told = _note_bounces(landing, last, found, Estimate(filtered.x, filtered.P), limit(contact.mode), m)
     outputs = outputs._replace(health=readings.worse(outputs.health, readings.IMPACT, landing.is_doubtful))
     queue, turn, time = motions.to_show(queue, contact)
     shown = cond(
-        turn.is_due, lambda: physical(Gaussian(*_loaded(samples, turn.place, kept).kept), m), lambda: outputs.estimates
+        turn.is_due, lambda: physical(Gaussian(*_load(samples, turn.place, kept).kept), m), lambda: outputs.estimates
     )
     is_published, time = where(turn.is_due, 1.0, 0.0), where(turn.is_due, time, inputs.time)
     return State(
@@ -211,10 +211,12 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         is_doubtful=landing.is_doubtful,
         told=told,
         samples=samples,
-    ), Outputs(filter=outputs, smoothed_published=is_published, smoothed_time=time, smoothed=_shown(shown), last=last)
+    ), Outputs(
+        filter=outputs, smoothed_published=is_published, smoothed_time=time, smoothed=_outputs_of(shown), last=last
+    )
 
 
-def _measured(inputs: Inputs) -> ekf.Inputs:
+def _measure(inputs: Inputs) -> ekf.Inputs:
     return ekf.Inputs(inputs.voltage, inputs.current, inputs.mode, inputs.resistance)
 
 
@@ -236,23 +238,23 @@ def _landing(
         )
 
     def kept(count: Scalar) -> Gaussian:
-        return Gaussian(*_loaded(state.samples, motion.place + count, contact.room).kept)
+        return Gaussian(*_load(state.samples, motion.place + count, contact.room).kept)
 
     def judged(believed: kinks.Kink, count: Scalar) -> Landing:
         """The landing at the impact of the current, where the contact closed too late."""
         stop = limit(contact.mode)
-        verdict = kinks.judged(believed, kept(count), stop, state.told, m, par.filter)
+        verdict = kinks.judge_landing(believed, kept(count), stop, state.told, m, par.filter)
         is_doubtful = where(verdict.is_doubtful, 1.0, 0.0)
 
         def guessed() -> Scalar:
             before, end = kept(kink.arrival - 1.0), Gaussian(*estimate)
-            return kinks.impacted(motion.count, kink.arrival, before, end, stop, verdict.told, m)
+            return kinks.hidden_impact(motion.count, kink.arrival, before, end, stop, verdict.told, m)
 
         def missed() -> Landing:
             first = cond(verdict.is_told, lambda: count, guessed)
             return Landing(
                 count=first,
-                estimate=grounded(kept(first), stop),
+                estimate=fix_on_stop(kept(first), stop),
                 missed=motion.count - first,
                 is_doubtful=is_doubtful,
                 is_told=where(verdict.is_told, 1.0, 0.0),
@@ -262,16 +264,18 @@ def _landing(
         return cond(verdict.is_missed, missed, lambda: here(is_doubtful, verdict.told))
 
     def landed() -> Landing:
-        at = kept(kinks.supposed(kink, motion.count))
+        at = kept(kinks.suppose_impact(kink, motion.count))
         believed = kinks.credible(kink, at, filtered, limit(contact.mode), m, par.filter)
-        count = kinks.supposed(believed, motion.count)
+        count = kinks.suppose_impact(believed, motion.count)
         is_kept = motion.count - count < contact.room.length
         return cond(is_kept, lambda: judged(believed, count), lambda: here(1.0, state.told))
 
     return cond(now.lands & (par.contact_debounce > 0.0), landed, lambda: here(state.is_doubtful, state.told))
 
 
-def _told(landing: Landing, last: Operation, found: Estimate, end: Estimate, stop: Scalar, m: Model) -> kinks.Told:
+def _note_bounces(
+    landing: Landing, last: Operation, found: Estimate, end: Estimate, stop: Scalar, m: Model
+) -> kinks.Told:
     """What is known of bounces after this sample."""
     before, after, time = Gaussian(*found), Gaussian(*end), last.rest_time - last.landing_time
 
@@ -307,9 +311,9 @@ def _last(
     return cond(now.lands, landed, rested)
 
 
-def _smoothed(samples: Array, place: Scalar, m: Model, par: Parameters, room: motions.Room) -> Estimate:
+def _smooth(samples: Array, place: Scalar, m: Model, par: Parameters, room: motions.Room) -> Estimate:
     """Smoothed estimate of a sample, from that of the next one."""
-    at, later = _loaded(samples, place, room), _loaded(samples, place + 1.0, room)
+    at, later = _load(samples, place, room), _load(samples, place + 1.0, room)
     held, m = Held(at.held_voltage, 2.0, at.held_hysteresis), m._replace(R=at.held_resistance)
     return Estimate(*backward(Gaussian(*at.kept), held, Gaussian(*later.kept), m, tuning(par.filter)))
 
@@ -322,7 +326,7 @@ def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: T
     return project(smooth(filtered, predicted, F, Q, later), POSITION, 0.0, 1.0)
 
 
-def grounded(at: Gaussian, stop: Scalar) -> Estimate:
+def fix_on_stop(at: Gaussian, stop: Scalar) -> Estimate:
     """The estimate, told that the mover is on its stop."""
     return Estimate(*fix(at, POSITION, stop))
 
@@ -338,7 +342,7 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
     return time - m.T_s + delay, m.l_z * fabs(v + a * delay)
 
 
-def _stored(samples: Array, turn: motions.Turn, values: Sample | Estimate, room: motions.Room) -> Array:
+def _store(samples: Array, turn: motions.Turn, values: Sample | Estimate, room: motions.Room) -> Array:
     """The memory with a sample, or with its estimate, when its turn has come."""
 
     def kept() -> Array:
@@ -350,13 +354,13 @@ def _stored(samples: Array, turn: motions.Turn, values: Sample | Estimate, room:
     return cond(turn.is_due, kept, lambda: samples)
 
 
-def _loaded(samples: Array, place: Scalar, room: motions.Room) -> Sample:
+def _load(samples: Array, place: Scalar, room: motions.Room) -> Sample:
     start = motions.slot(place, room) * WIDTH
     found: Sample = record(Sample, [load(samples, start, k) for k in range(WIDTH)])
     return found
 
 
-def _shown(estimate: ekf.Estimates) -> Shown:
+def _outputs_of(estimate: ekf.Estimates) -> Shown:
     """Outputs of an estimate."""
     return Shown(*(getattr(estimate, name.partition("_")[2]) for name in Shown._fields))
 

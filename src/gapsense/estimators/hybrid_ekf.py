@@ -14,19 +14,19 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators import readings
-from gapsense.estimators.kalman import Gaussian, condition, normalised, predict, project
+from gapsense.estimators.kalman import Gaussian, condition, normalise, predict, project
 from gapsense.estimators.watch import (
     EDGE,
     WILD,
     Limits,
     Now,
     Usual,
-    compared,
-    counted,
+    compare_with_usual,
+    count,
     is_far,
     leaves,
+    nothing_known,
     patient,
-    unknown,
 )
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import choice, fixed, measured, output, parameter, ports, same, sample_time
@@ -207,7 +207,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     now, _, is_whole = _read(inputs, 0.0, par)
     alone = Alone(estimate.x, estimate.q)
     x, P, q = estimate
-    state = State(x=x, P=P, mode=q, voltage=now.voltage, far=0.0, alone=alone, usual=unknown())
+    state = State(x=x, P=P, mode=q, voltage=now.voltage, far=0.0, alone=alone, usual=nothing_known())
     std = deviation(estimate.P[CURRENT, CURRENT] + tuning(par).R)
     return state, _outputs(estimate, 0.0, std, readings.health({readings.LOST: not_(is_whole)}))
 
@@ -221,11 +221,11 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     innovation = where(has_current, now.current - prior.x[CURRENT], 0.0)
     std = deviation(prior.P[CURRENT, CURRENT] + tun.R)
     is_used = has_current & not_(is_far(innovation, std, patient(par.range_innovation, state.far)))
-    posterior = cond(is_used & not_(tun.is_open_loop), lambda: _corrected(prior, innovation, mod, tun), lambda: prior)
-    far = counted(state.far, is_far(innovation, std, par.range_innovation))
+    posterior = cond(is_used & not_(tun.is_open_loop), lambda: _correct(prior, innovation, mod, tun), lambda: prior)
+    far = count(state.far, is_far(innovation, std, par.range_innovation))
     noise = where(par.noise_sensor > 0.0, par.noise_sensor, par.noise_current)
     seen = Now(
-        innovation=normalised(innovation, std),
+        innovation=normalise(innovation, std),
         error=(now.current - alone.x_alone[CURRENT]) / noise,
         is_used=is_used,
         leaves=leaves(state.alone.x_alone[POSITION], alone.x_alone[POSITION], 0.0, mod.s_max),
@@ -233,7 +233,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         voltage=now.voltage,
         voltage_before=state.voltage,
     )
-    usual = compared(state.usual, seen, Limits(par.health_samples, par.health_limit, 0.0), ALIKE, EVIDENT)
+    usual = compare_with_usual(state.usual, seen, Limits(par.health_samples, par.health_limit, 0.0), ALIKE, EVIDENT)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, std, WILD),
@@ -369,12 +369,12 @@ def _move(before: Hybrid, u: Scalar, left: Scalar, mod: Model, tun: Tuning) -> t
 
     steps, (psi, s, v) = loop(SUB_STEPS, sub_step, (0.0, vector([i / (mod.path + mod.slope * s), s, v])))
     dt = steps * held.dt
-    _, F = linearise(extrapolated, before.x, held._replace(dt=left), mod)
+    _, F = linearise(extrapolate, before.x, held._replace(dt=left), mod)
     P = predict(P, F, diagonal([variance * (dt / mod.T_s) for variance in tun.Q]))
     s = clip(s, 0.0, mod.s_max)
     i = psi * (mod.path + mod.slope * s)
     is_pulled = (q > 2.5) & (fabs(i) >= mod.i_on) & (mod.lift * square(psi) > mod.g)
-    return dt, _landed(Hybrid(vector([i, s, v]), P, where(is_pulled, LIFTING, q)), mod, tun)
+    return dt, _land(Hybrid(vector([i, s, v]), P, where(is_pulled, LIFTING, q)), mod, tun)
 
 
 def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Scalar, Scalar]:
@@ -384,7 +384,7 @@ def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Sc
     return (v > 0.0) & (s >= highest), (v < 0.0) & (s <= lowest)
 
 
-def _landed(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
+def _land(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
     """On the stop if the armature meets one, with the flux linkage that it has: the landing is late, or early."""
     (i, s, v), P, q = estimate
     is_up, is_down = _meets(s, v, q, mod, tun)
@@ -409,7 +409,7 @@ def moving(y: Array, held: Held, mod: Model) -> Array:
     return y + held.dt * rates(y + 0.5 * held.dt * rates(y, held, mod), held, mod)
 
 
-def extrapolated(x: Array, held: Held, mod: Model) -> Array:
+def extrapolate(x: Array, held: Held, mod: Model) -> Array:
     """(i, s, v) after `dt` in the air by (4), a step of Euler, but in flux linkage; for the Jacobian of (5)."""
     i, s, v = x
     y = vector([i / (mod.path + mod.slope * s), s, v])
@@ -427,7 +427,7 @@ def rates(y: Array, held: Held, mod: Model) -> Array:
     return vector([(held.u - held.R * i) / mod.K5, v, mod.lift * square(psi) - mod.g])
 
 
-def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hybrid:
+def _correct(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hybrid:
     """(6) to (8) in Joseph form; in the air the position is then projected between the stops."""
     x, P, q = prior
 
@@ -438,7 +438,7 @@ def _corrected(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hy
 
     def in_the_air() -> Hybrid:
         posterior = condition(Gaussian(x, P), vector([innovation]), matrix([H]), vector([tun.R]))
-        return _landed(Hybrid(*project(posterior, POSITION, 0.0, mod.s_max), q), mod, tun)
+        return _land(Hybrid(*project(posterior, POSITION, 0.0, mod.s_max), q), mod, tun)
 
     return cond(is_resting(q), on_a_stop, in_the_air)
 

@@ -135,7 +135,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     """One sample, lines 4 to 12."""
     previous = state.current
     u, i, found = _readings(state.voltage, state.current, inputs, par)
-    state = _added(_opened(state, inputs.time, u, par), u, i, 1.0 - found.health)
+    state = _add_sample(_open_operation(state, inputs.time, u, par), u, i, 1.0 - found.health)
     now = Sample(
         voltage_sum=state.voltage_sum,
         current_sum=state.current_sum,
@@ -145,7 +145,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         published=1.0,
     )
     online = _estimates(now, state.resistance, par)
-    offline = _estimates(_replayed(state, par), state.resistance, par)
+    offline = _estimates(_replay_sample(state, par), state.resistance, par)
     is_offline = par.offline > 0.0
     outputs = where_each(is_offline, offline, online)
     is_unlearnt = state.resistance == par.prior_resistance
@@ -161,7 +161,7 @@ def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Sc
     return where(has_voltage, inputs.voltage, u), where(has_current, inputs.current, i), found
 
 
-def _opened(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
+def _open_operation(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
     """At a rising edge of the voltage, a new operation with the resistance of the one that has ended.
 
     An operation with lost readings leaves the resistance as it is, but the third in a row does not: it would go on
@@ -197,7 +197,7 @@ def _level(highest: Scalar, par: Parameters) -> Scalar:
     return where(par.edge_voltage > 0.0, par.edge_voltage, where(part > least, part, least))
 
 
-def _added(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
+def _add_sample(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
     """The sample added to the sums (line 5), and kept."""
     su, si, count = state.voltage_sum + u, state.current_sum + i, state.count + 1.0
     slot = where(count <= LENGTH, state.half * LENGTH + count - 1.0, SPARE)
@@ -215,7 +215,7 @@ def _added(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
     )
 
 
-def _replayed(state: State, par: Parameters) -> Sample:
+def _replay_sample(state: State, par: Parameters) -> Sample:
     """The sample of the previous operation that corresponds to this one."""
     count = state.count
     is_replayed = count <= state.last_count

@@ -82,10 +82,10 @@ def smooth(filtered: Gaussian, predicted: Gaussian, F: Array, Q: Array, later: G
 
 def surprise(before: Scalar, innovation: Scalar, std: Scalar, samples: Scalar) -> Scalar:
     """Mean of the squared normalised innovation over about so many samples; its expected value is 1."""
-    return mean(before, square(normalised(innovation, std)), samples)
+    return mean(before, square(normalise(innovation, std)), samples)
 
 
-def normalised(innovation: Scalar, std: Scalar) -> Scalar:
+def normalise(innovation: Scalar, std: Scalar) -> Scalar:
     """An innovation in standard deviations; 0 where none is expected."""
     is_known = std > 0.0
     return where(is_known, innovation / where(is_known, std, 1.0), 0.0)

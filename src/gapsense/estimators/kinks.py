@@ -105,12 +105,12 @@ def nothing() -> Kink:
     return blank(Kink, steady=SETTLING, was_steady=1.0)
 
 
-def untold() -> Told:
+def no_kink() -> Told:
     """Nothing."""
     return Told(free=BEYOND_FREE, restitution=0.0)
 
 
-def sought(
+def seek(
     kink: Kink, motion: Motion, current: Scalar, before: ekf.State, now: ekf.State, m: Model, par: ekf.Parameters
 ) -> Kink:
     """With the reading of one sample more; `motion` is that before it."""
@@ -166,7 +166,7 @@ def credible(kink: Kink, at: Gaussian, end: ekf.State, stop: Scalar, m: Model, p
     return kink._replace(size=where(is_none, 0.0, kink.size))
 
 
-def _dead(at: Gaussian, stop: Scalar, m: Model) -> Scalar:
+def _dead_stop(at: Gaussian, stop: Scalar, m: Model) -> Scalar:
     """Kink of a mover that stops dead [A per sample]."""
     return fabs(gap_law(stop, m)[1] * at.mean[FLUX_LINKAGE] * (at.mean[POSITION] - at.mean[POSITION_PREV]))
 
@@ -181,7 +181,7 @@ def _is_sprung(lam: Scalar, stop: Scalar, m: Model) -> Scalar:
     return fabs(magnetic_force(gap_law(stop, m)[1], lam)) < PULLED * fabs(m.k_sp * (m.z_sp - stop))
 
 
-def supposed(kink: Kink, count: Scalar) -> Scalar:
+def suppose_impact(kink: Kink, count: Scalar) -> Scalar:
     """Samples of a motion of `count` before an impact that the contact has missed, if there was one."""
     return where(kink.size > 0.0, kink.flight, where(kink.arrival > 0.0, kink.arrival, count - 1.0))
 
@@ -217,7 +217,7 @@ def learnt(told: Told, before: Gaussian, speed: Scalar, time: Scalar, end: Gauss
     )
 
 
-def impacted(
+def hidden_impact(
     count: Scalar, first: Scalar, before: Gaussian, end: Gaussian, stop: Scalar, told: Told, m: Model
 ) -> Scalar:
     """Samples of a motion of `count` before an impact that the current does not show.
@@ -238,7 +238,7 @@ def impacted(
     return at
 
 
-def judged(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ekf.Parameters) -> Verdict:
+def judge_landing(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ekf.Parameters) -> Verdict:
     """A landing on `stop`; `at` is the estimate at the supposed impact, `told` what the landings before it have told.
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
@@ -246,7 +246,7 @@ def judged(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ek
     mover has bounced where the current tells it, at the other stop; if it has not, the landing is mostly only doubtful.
     Without e_i or e_F the estimate has a bias.
     """
-    dead, clear = _dead(at, stop, m), SURE * SPREAD * par.noise_current
+    dead, clear = _dead_stop(at, stop, m), SURE * SPREAD * par.noise_current
     is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)
     is_told = is_kinked & (fabs(at.mean[POSITION] - stop) <= NEAR)
     is_free = (

@@ -131,7 +131,7 @@ def to_keep(now: Followed, c: Contact) -> Turn:
     return Turn(moves | lands, motion.place + motion.count - where(lands, 0.0, 1.0))
 
 
-def joined(queue: Queue, now: Followed, c: Contact) -> Queue:
+def join(queue: Queue, now: Followed, c: Contact) -> Queue:
     """The queue with the motion, if it lands: with as many of its last samples as there is room for."""
     motion, lands, _ = now
 

@@ -99,6 +99,6 @@ def most_current(range_current: Scalar, range_voltage: Scalar, resistance: Scala
     return where(range_current > 0.0, range_current, TWICE * range_voltage / resistance)
 
 
-def believed(resistance: Scalar, parameter: Scalar) -> Scalar:
+def believed_resistance(resistance: Scalar, parameter: Scalar) -> Scalar:
     """Resistance at an input [ohm]; the parameter if the input is not wired, lost, or not positive and finite."""
     return where((resistance > 0.0) & (resistance < math.inf), resistance, parameter)

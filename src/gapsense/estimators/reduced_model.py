@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy
+from gapsense.estimators.core_losses import SATURATED, advance_hysteresis, bent_reluctance, lossy
 from gapsense.estimators.readings import RANGE_CURRENT, RANGE_INNOVATION, RANGE_VOLTAGE
 from gapsense.kernels.elementary import exp, log, spline
 from gapsense.kernels.interface import COLUMN, choice, fixed, option, parameter, ports, sample_time, table
@@ -131,7 +131,7 @@ class Held(NamedTuple):
 UNDRIVEN = Held(0.0, 3.0)
 
 
-def normalised(par: Parameters) -> Model:
+def normalise_model(par: Parameters) -> Model:
     """The model for physical parameters: (17)."""
     l_z = par.stop_upper - par.stop_lower
     area, scale = square(l_z), l_z / square(par.coil_turns)
@@ -215,7 +215,7 @@ def core_law(lam: Scalar, m: Model) -> Scalar:
     def froehlich() -> Scalar:
         return cond(x < SATURATED, lambda: m.R_c0 / (1.0 - x), beyond)
 
-    return cond(m.bend > 0.0, lambda: bent(x, m.R_c0, m.bend)[0], froehlich)
+    return cond(m.bend > 0.0, lambda: bent_reluctance(x, m.R_c0, m.bend)[0], froehlich)
 
 
 def current(R_g: Scalar, lam: Scalar, e_i: Scalar, m: Model, u: Held = UNDRIVEN) -> Scalar:
@@ -282,7 +282,7 @@ def observation(x: Array, m: Model, u: Held = UNDRIVEN) -> Array:
 
 def after(u: Held, lam: Scalar, lam_next: Scalar, m: Model) -> Held:
     """The same voltage and mode, with the hysteresis of the core at the end of the interval."""
-    return u._replace(hysteresis=advanced(u.hysteresis, lam, lam_next - lam, m))
+    return u._replace(hysteresis=advance_hysteresis(u.hysteresis, lam, lam_next - lam, m))
 
 
 def rest(mode: Scalar, lam: Scalar, m: Model) -> Array:

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from gapsense.estimators import ekf, kinks
 from gapsense.estimators.ekf import Parameters, physical, tuning
-from gapsense.estimators.ertss import Estimate, backward, grounded, impact
+from gapsense.estimators.ertss import Estimate, backward, fix_on_stop, impact
 from gapsense.estimators.kalman import Gaussian
 from gapsense.estimators.motions import Motion
-from gapsense.estimators.reduced_model import Held, limit, normalised
-from gapsense.kernels.emit import compiled
+from gapsense.estimators.reduced_model import Held, limit, normalise_model
+from gapsense.kernels.emit import compile_graph
 from gapsense.kernels.kernel import Kernel, trace
 from gapsense.kernels.layout import Scalar, flat, names, record, triangle
 from gapsense.kernels.linalg import vector
@@ -93,7 +93,7 @@ def smooth_record(
     filtered, held = [s[:width] for s in states], [Held(*(s[place] for place in places)) for s in states]
     smoothed, T_s, q = list(filtered), par.sample_time, [at.mode for at in held]
     operations: list[Operation] = []
-    told = kinks.untold()
+    told = kinks.no_kink()
     for first, end, kind in _moving(q, debounce / T_s):
         if kind == MOTION:
             landed, later, is_told = end, filtered[end], False
@@ -104,7 +104,7 @@ def smooth_record(
             operations.append(_operation(first, landed, end, smoothed[landed - 1], limit(q[end]), par))
             if is_told:
                 last, before, after = operations[-1], _gaussian(smoothed[landed - 1]), _gaussian(filtered[end])
-                time, m = last.rest_time - last.landing_time, normalised(par)
+                time, m = last.rest_time - last.landing_time, normalise_model(par)
                 told = kinks.learnt(told, before, last.impact_speed, time, after, limit(q[end]), m)
         elif operations and kind == BOUNCE:
             operations[-1] = operations[-1]._replace(bounces=operations[-1].bounces + 1, rest_time=end * T_s)
@@ -116,7 +116,7 @@ def _operation(
 ) -> Operation:
     """A motion that lands on a stop, by the last smoothed estimate in it; `contact` is later if that missed it."""
     T_s, has_bounced = par.sample_time, contact > landed
-    time, speed = impact(vector(last[:5]), stop, landed * T_s, normalised(par))
+    time, speed = impact(vector(last[:5]), stop, landed * T_s, normalise_model(par))
     rest_time = contact * T_s if has_bounced else time
     return Operation(
         first=first,
@@ -144,20 +144,20 @@ def _landing(
     kink, stop = tuple(flat(kinks.nothing())), limit(states[end][names(ekf.State).index("mode")])
     for k in range(first + 1, end + 1):
         motion = Motion(place=0.0, count=float(k - first), start=0.0, stop=1.0 - stop, contact=0.0)
-        kink = _sought()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
-    m = normalised(par)
+        kink = _seek_kink()(kink, motion, (rows[k][1],), states[k - 1], states[k], par)
+    m = normalise_model(par)
     seen, whole = record(kinks.Kink, kink), float(end - first)
-    kinked = _gaussian(states[first + int(kinks.supposed(seen, whole))])
+    kinked = _gaussian(states[first + int(kinks.suppose_impact(seen, whole))])
     found = kinks.credible(seen, kinked, record(ekf.State, states[end]), stop, m, par)
-    count = kinks.supposed(found, whole)
-    verdict = kinks.judged(found, _gaussian(states[first + int(count)]), stop, told, m, par)
+    count = kinks.suppose_impact(found, whole)
+    verdict = kinks.judge_landing(found, _gaussian(states[first + int(count)]), stop, told, m, par)
     if not verdict.is_missed:
         return end, states[end][: len(names(Estimate))], False, verdict.told
     if not verdict.is_told:
         before = _gaussian(states[first + int(found.arrival) - 1])
-        count = kinks.impacted(whole, found.arrival, before, _gaussian(states[end]), stop, verdict.told, m)
+        count = kinks.hidden_impact(whole, found.arrival, before, _gaussian(states[end]), stop, verdict.told, m)
     at = first + int(count)
-    return at, tuple(flat(grounded(_gaussian(states[at]), stop))), bool(verdict.is_told), verdict.told
+    return at, tuple(flat(fix_on_stop(_gaussian(states[at]), stop))), bool(verdict.is_told), verdict.told
 
 
 def _gaussian(state: tuple[float, ...]) -> Gaussian:
@@ -209,16 +209,16 @@ def _kernel() -> Kernel:
 
 
 @cache
-def _sought() -> Callable[..., tuple[float, ...]]:
+def _seek_kink() -> Callable[..., tuple[float, ...]]:
     """`kinks.sought` as scalar Python on flat tuples."""
 
     def sought(
         kink: kinks.Kink, motion: Motion, current: Reading, before: ekf.State, now: ekf.State, par: Parameters
     ) -> kinks.Kink:
-        return kinks.sought(kink, motion, current.value, before, now, normalised(par), par)
+        return kinks.seek(kink, motion, current.value, before, now, normalise_model(par), par)
 
     states = {"before": ekf.State, "now": ekf.State}
-    return compiled(
+    return compile_graph(
         trace(sought, {"kink": kinks.Kink, "motion": Motion, "current": Reading, **states, "par": Parameters})
     )
 
@@ -229,11 +229,11 @@ def _backward() -> Callable[..., tuple[float, ...]]:
 
     def smoothed(before: Estimate, held: Held, after: Estimate, par: Parameters) -> Estimate:
         filtered, later = (Gaussian(e.mean, e.cov) for e in (before, after))
-        found = backward(filtered, held, later, normalised(par), tuning(par))
+        found = backward(filtered, held, later, normalise_model(par), tuning(par))
         return Estimate(found.mean, found.cov)
 
     arguments = {"before": Estimate, "held": Held, "after": Estimate, "par": Parameters}
-    return compiled(trace(smoothed, arguments))
+    return compile_graph(trace(smoothed, arguments))
 
 
 @cache
@@ -241,9 +241,9 @@ def _physical() -> Callable[..., tuple[float, ...]]:
     """`ekf.physical` as scalar Python on flat tuples."""
 
     def told(at: Estimate, par: Parameters) -> ekf.Estimates:
-        return physical(Gaussian(at.mean, at.cov), normalised(par))
+        return physical(Gaussian(at.mean, at.cov), normalise_model(par))
 
-    return compiled(trace(told, {"at": Estimate, "par": Parameters}))
+    return compile_graph(trace(told, {"at": Estimate, "par": Parameters}))
 
 
 def _estimates(entries: list[tuple[float, ...]], par: Parameters) -> Estimates:

@@ -144,7 +144,7 @@ def sample(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[S
     after, outputs = cond(
         is_lost | (state.lost > 0.0),
         lambda: _held(state, i, par, form),
-        lambda: _filtered(state, Inputs(inputs.voltage, i), par, form),
+        lambda: _filter(state, Inputs(inputs.voltage, i), par, form),
     )
     is_unlearnt = outputs.resistance_std > CERTAIN * par.prior_resistance
     told = readings.health({readings.LOST: is_lost, readings.UNLEARNT: is_unlearnt})
@@ -160,7 +160,7 @@ def _held(state: State, i: Scalar, par: Parameters, form: Form) -> tuple[State, 
     return cond(state.lost > 0.0, lambda: state, lambda: _next(state, expected, False, par, form)), outputs
 
 
-def _filtered(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
+def _filter(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
     """Lines 5 to 16."""
     u, i = inputs
     band = par.gate_sigmas * par.noise_current
@@ -179,7 +179,7 @@ def _filtered(state: State, inputs: Inputs, par: Parameters, form: Form) -> tupl
     return _next(state._replace(resistance=r), updated, is_outside, par, form), outputs
 
 
-def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> Seen:
+def _see(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> Seen:
     """Lines 8 to 10, in Joseph form: in float32 the printed one spoils r."""
     (u, i), dt = inputs, par.sample_time
     H = vector([i, i / dt, -i_prev / dt])  # (11)
@@ -189,7 +189,7 @@ def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> S
     return Seen(innovation, S, lambda: condition(prior, vector([innovation]), matrix([H]), vector([R])))
 
 
-PRINTED = Form(unit=lambda par: 1.0, seen=_seen)
+PRINTED = Form(unit=lambda par: 1.0, seen=_see)
 
 
 def _prior(state: State, is_outside: Scalar, par: Parameters, form: Form) -> Gaussian:

@@ -27,7 +27,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     return sample(state, inputs, par, LEAN)
 
 
-def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> Seen:
+def _see(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> Seen:
     (u, i), R = inputs, square(par.noise_voltage)
 
     def measured(x: Array) -> Scalar:  # H x
@@ -46,4 +46,4 @@ def _seen(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> S
     return Seen(innovation, S, posterior)
 
 
-LEAN = Form(unit=lambda par: par.sample_time, seen=_seen)
+LEAN = Form(unit=lambda par: par.sample_time, seen=_see)

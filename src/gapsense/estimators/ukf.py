@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from gapsense.estimators import ekf, readings
-from gapsense.estimators.kalman import Gaussian, normalised, predict
+from gapsense.estimators.kalman import Gaussian, normalise, predict
 from gapsense.estimators.valve_model import (
     CURRENT_ERROR,
     FLUX_LINKAGE,
@@ -29,14 +29,14 @@ from gapsense.estimators.valve_model import (
     Parameters,
     Tuned,
     after,
-    bounded,
+    bound_positions,
     model,
     model_current,
     observation,
     segment,
     transition,
 )
-from gapsense.estimators.watch import EDGE, WILD, Limits, Now, Usual, compared, is_far, leaves, unknown
+from gapsense.estimators.watch import EDGE, WILD, Limits, Now, Usual, compare_with_usual, is_far, leaves, nothing_known
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.interface import output, ports, same
 from gapsense.kernels.layout import Array, Covariance, Scalar, Vector
@@ -123,7 +123,7 @@ UNCLIPPED = [FLUX_LINKAGE, POSITION_PREV, CURRENT_ERROR]
 EVERYWHERE = 1e9  # position bound of the unbounded filter [m]
 LARGEST_FLUX = 2.0  # of an estimate, in lambda_sat
 ROUGH = 1e-6  # part of a variance that may come out negative by rounding; beyond, the covariance is lost
-LITTLE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
+LEAST_SHARE = 1e-8  # part of a variance: if a measurement leaves less, rounding shows in the correlations
 
 
 class Alone(NamedTuple):
@@ -199,7 +199,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """At rest, the position and the flux linkage as the prior says."""
     estimate = Gaussian(_start(par), _at_rest(par.prior_position_std, par.prior_flux_linkage_std, par))
     (voltage, _), is_whole = _read(inputs, 0.0, par)
-    R = readings.believed(inputs.resistance, par.coil_resistance)
+    R = readings.believed_resistance(inputs.resistance, par.coil_resistance)
     state = State(
         x=estimate.mean,
         P=estimate.cov,
@@ -207,7 +207,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
         resistance=R,
         hysteresis=0.0,
         alone=Alone(estimate.mean, 0.0),
-        usual=unknown(),
+        usual=nothing_known(),
     )
     return state, _outputs(estimate, 0.0, par.noise_current, readings.health({readings.LOST: not_(is_whole)}), par)
 
@@ -217,18 +217,18 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     (voltage, has_current), is_whole = _read(inputs, state.voltage, par)
     mean = state.voltage + 0.5 * par.option_voltage * (voltage - state.voltage)
     m = _model(par, state.resistance)
-    joint, hysteresis = _predicted(Gaussian(state.x, state.P), Held(mean, 0.0, state.hysteresis), m, par)
+    joint, hysteresis = _predict(Gaussian(state.x, state.P), Held(mean, 0.0, state.hysteresis), m, par)
     innovation = where(has_current, inputs.current - joint.mean[-1], 0.0)
     S = deviation(joint.cov[-1, -1] + square(par.noise_current))
     most = _tuning(par).limit * S
     limited = clip(innovation, -most, most)
     estimate, is_sound = _sound(
-        _corrected(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
+        _correct(joint, limited, has_current & (par.option_filter != Filter.open_loop), par), joint, m, par
     )
     S, innovation = where(is_sound, S, par.noise_current), where(is_sound, innovation, 0.0)
     alone, expected = _alone(state.alone, mean, m, par)
     now = Now(
-        innovation=normalised(innovation, S),
+        innovation=normalise(innovation, S),
         error=(where(has_current, inputs.current, expected) - expected) / par.noise_current,
         is_used=has_current & is_sound,
         leaves=leaves(state.alone.x_alone[POSITION], alone.x_alone[POSITION], par.stop_lower, par.stop_upper),
@@ -236,7 +236,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         voltage=voltage,
         voltage_before=state.voltage,
     )
-    usual = compared(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0), ALIKE, EVIDENT)
+    usual = compare_with_usual(state.usual, now, Limits(par.health_samples, par.health_limit, 0.0), ALIKE, EVIDENT)
     health = readings.health(
         {
             readings.INNOVATION: (usual.innovation > 0.0) | is_far(innovation, S, WILD),
@@ -247,7 +247,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
         }
     )
     hysteresis = where(is_sound, hysteresis, 0.0)
-    R = readings.believed(inputs.resistance, par.coil_resistance)
+    R = readings.believed_resistance(inputs.resistance, par.coil_resistance)
     state = State(
         x=estimate.mean, P=estimate.cov, voltage=voltage, resistance=R, hysteresis=hysteresis, alone=alone, usual=usual
     )
@@ -280,21 +280,21 @@ def _model(par: Parameters, resistance: Scalar) -> Model:
     return model(par, resistance, _tuning(par).memory, low, high)
 
 
-def _predicted(before: Gaussian, held: Held, m: Model, par: Parameters) -> tuple[Gaussian, Scalar]:
+def _predict(before: Gaussian, held: Held, m: Model, par: Parameters) -> tuple[Gaussian, Scalar]:
     """State and current together, before the current is measured: mean (5,) and covariance (5, 5); and hysteresis."""
     noise = _process_noise(par)
     return cond(
         (par.option_filter == Filter.bounded_ekf) | (par.option_filter == Filter.open_loop),
-        lambda: _linearised(before, held, m, noise, par),
+        lambda: _linearise(before, held, m, noise, par),
         lambda: cond(
             par.option_noise == Noise.augmented,
-            lambda: _augmented(before, held, m, noise, par),
+            lambda: _augment(before, held, m, noise, par),
             lambda: _additive(before, held, m, noise, par),
         ),
     )
 
 
-def _corrected(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Parameters) -> Gaussian:
+def _correct(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Parameters) -> Gaussian:
     """The state given the current, or as predicted."""
     return cond(
         is_measured,
@@ -307,7 +307,7 @@ def _additive(before: Gaussian, held: Held, m: Model, noise: Array, par: Paramet
     """Algorithm 2, then the process noise added, and Algorithm 3 on points drawn again."""
 
     def moved(x: Array) -> Array:
-        x = bounded(x, m)
+        x = bound_positions(x, m)
         return transition(x, held, segment(x[POSITION], par), m)
 
     x, pairs = moved(before.mean), []
@@ -320,10 +320,10 @@ def _additive(before: Gaussian, held: Held, m: Model, noise: Array, par: Paramet
             odd[FLUX_LINKAGE], even[FLUX_LINKAGE] = up[FLUX_LINKAGE] - x[FLUX_LINKAGE], 0.0
         pairs.append(Pair(odd, even))
     x, P = moments(x, pairs, par.sigma_spread)
-    return _observed(Gaussian(x, P + diagonal(noise)), then, m, par), then.hysteresis
+    return _observe(Gaussian(x, P + diagonal(noise)), then, m, par), then.hysteresis
 
 
-def _observed(prior: Gaussian, held: Held, m: Model, par: Parameters) -> Gaussian:
+def _observe(prior: Gaussian, held: Held, m: Model, par: Parameters) -> Gaussian:
     """State and current together, from points in which the position is clipped once more: w_z stays in the bounds."""
 
     def seen(x: Array) -> Array:
@@ -344,9 +344,9 @@ def _observed(prior: Gaussian, held: Held, m: Model, par: Parameters) -> Gaussia
     return joint
 
 
-def _augmented(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
+def _augment(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
     """Algorithms 2 and 3 on one set of points in the space of the state and w_phi, w_z, w_i."""
-    x = bounded(before.mean, m)
+    x = bound_positions(before.mean, m)
     lam_next = transition(x, held, segment(x[POSITION], par), m)[FLUX_LINKAGE]
     then = after(held, x[FLUX_LINKAGE], lam_next, m)
     n = len(before.mean)
@@ -354,7 +354,7 @@ def _augmented(before: Gaussian, held: Held, m: Model, noise: Array, par: Parame
     cov[:n, :n] = before.cov
 
     def moved(x: Array) -> Array:
-        state, (w_phi, w_z, w_i) = bounded(x[:n], m), x[n:]
+        state, (w_phi, w_z, w_i) = bound_positions(x[:n], m), x[n:]
         state = transition(state, held._replace(push=w_z), segment(state[POSITION], par), m)
         state = state + vector([w_phi, 0.0, 0.0, w_i])
         return vector([*state, *observation(state, then, segment(state[POSITION], par), m)])
@@ -366,7 +366,7 @@ def _augmented(before: Gaussian, held: Held, m: Model, noise: Array, par: Parame
     return joint, then.hysteresis
 
 
-def _linearised(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
+def _linearise(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
     """As in the extended filter; while the position is clipped, its derivatives are zero."""
     x, F = linearise(transition, before.mean, held, segment(before.mean[POSITION], par), m)
     then = after(held, before.mean[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
@@ -407,14 +407,14 @@ def _sound(estimate: Gaussian, joint: Gaussian, m: Model, par: Parameters) -> tu
 
     x, P = cond(is_sound, lambda: Gaussian(x, _positive(P, joint.cov)), restarted)
     largest = LARGEST_FLUX * par.core_saturation
-    x = bounded(x, m)
+    x = bound_positions(x, m)
     x[FLUX_LINKAGE] = clip(x[FLUX_LINKAGE], -largest, largest)
     return Gaussian(x, P), is_sound
 
 
 def _positive(P: Array, prior: Array) -> Array:
     """The covariance, rebuilt from its columns if a variance has become so small that rounding may spoil it."""
-    is_fine = reduce(and_, (P[k, k] >= LITTLE * prior[k, k] for k in range(len(P))))
+    is_fine = reduce(and_, (P[k, k] >= LEAST_SHARE * prior[k, k] for k in range(len(P))))
     P = nonnegative(P)
     return cond(is_fine, lambda: P, lambda: total(outer(c, c) for c in columns(P, 1.0, ORDER)))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from gapsense.estimators import reduced_model
-from gapsense.estimators.core_losses import SATURATED, advanced, bent, lossy, share
+from gapsense.estimators.core_losses import SATURATED, advance_hysteresis, bent_reluctance, lossy, share
 from gapsense.estimators.readings import RANGE_CURRENT, RANGE_VOLTAGE
 from gapsense.kernels.interface import COLUMN, choice, fixed, option, parameter, ports, same, sample_time, table
 from gapsense.kernels.layout import Array, Choice, Scalar, Table
@@ -178,7 +178,7 @@ def reluctance(z: Scalar, lam: Scalar, s: Segment, m: Model) -> tuple[Scalar, Sc
     """Reluctance of gap and core (4), (8), and the derivative of its product with lambda by lambda [1/H]."""
     R_g = s.R_g + (z - s.gap) / s.width * s.R_g_rise
     x = fabs(lam) / m.lam_sat
-    R_c, rate = cond(m.bend > 0.0, lambda: bent(x, m.core, m.bend), lambda: _froehlich(x, m.core))
+    R_c, rate = cond(m.bend > 0.0, lambda: bent_reluctance(x, m.core, m.bend), lambda: _froehlich(x, m.core))
     R = R_g + R_c
     return R, R + x * rate
 
@@ -191,7 +191,7 @@ def _froehlich(x: Scalar, core: Scalar) -> tuple[Scalar, Scalar]:
     return R_c + (x - y) * rate, rate
 
 
-def bounded(x: Array, m: Model) -> Array:
+def bound_positions(x: Array, m: Model) -> Array:
     """State with both positions between the stops (29)."""
     z, z_prev = (clip(x[k], m.low, m.high) for k in (POSITION, POSITION_PREV))
     return vector([x[FLUX_LINKAGE], z, z_prev, x[CURRENT_ERROR]])
@@ -227,4 +227,4 @@ def model_current(z: Scalar, lam: Scalar, u: Held, s: Segment, m: Model) -> Scal
 
 def after(u: Held, lam: Scalar, lam_next: Scalar, m: Model) -> Held:
     """The same voltage, with the core's hysteresis at the end of the interval."""
-    return u._replace(hysteresis=advanced(u.hysteresis, lam, lam_next - lam, m))
+    return u._replace(hysteresis=advance_hysteresis(u.hysteresis, lam, lam_next - lam, m))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from gapsense.estimators.kalman import mean, normalised, surprise
+from gapsense.estimators.kalman import mean, normalise, surprise
 from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Count, Memory, Scalar, Whole, blank
 from gapsense.kernels.trace import clip, cond, fabs, floor, load, not_, sqrt, square, store, where
@@ -144,7 +144,7 @@ class Now(NamedTuple):
     voltage_before: Scalar
 
 
-def unknown() -> Usual:
+def nothing_known() -> Usual:
     """No operation so far."""
     return blank(Usual, surprise=1.0, learnt=float(HALF))
 
@@ -164,7 +164,7 @@ def patient(most: Scalar, far: Scalar) -> Scalar:
     return where(far < PATIENCE, most, 0.0)
 
 
-def counted(before: Scalar, is_so: Scalar) -> Scalar:
+def count(before: Scalar, is_so: Scalar) -> Scalar:
     """For how many samples in a row something is so."""
     return where(is_so, before + 1.0, 0.0)
 
@@ -174,12 +174,12 @@ def lasting(before: Scalar, is_so: Scalar, is_over: Scalar) -> Scalar:
     return where(is_so, OPERATIONS, clip(before - where(is_over, 1.0, 0.0), 0.0, OPERATIONS))
 
 
-def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
+def follow(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
     """One sample more.  An operation ends where the mover leaves another stop than before, not where it bounces."""
     innovation = near(seen.innovation, seen.innovation_std)
     surprised = surprise(before.surprise, innovation, seen.innovation_std, limits.samples)
     surprised = where(seen.is_used, surprised, before.surprise)
-    biased = mean(before.bias, normalised(innovation, seen.innovation_std), limits.samples)
+    biased = mean(before.bias, normalise(innovation, seen.innovation_std), limits.samples)
     biased = where(seen.is_used, biased, before.bias)
     current_error = near(seen.current_error, seen.current_error_std)
     strained = surprise(before.strain, current_error, seen.current_error_std, LONG * limits.samples)
@@ -198,7 +198,7 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
         bias=biased,
         strain=strained,
         pressed=pressed,
-        far=counted(before.far, is_far(seen.innovation, seen.innovation_std, most)),
+        far=count(before.far, is_far(seen.innovation, seen.innovation_std, most)),
         left=where(is_over, seen.leaves, before.left),
         innovation=lasting(before.innovation, is_surprised, is_over),
         current_error=lasting(before.current_error, strained >= square(limits.current_error), is_over),
@@ -209,7 +209,7 @@ def watched(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
     )
 
 
-def compared(before: Usual, now: Now, limits: Limits, alike: float, evident: float) -> Usual:
+def compare_with_usual(before: Usual, now: Now, limits: Limits, alike: float, evident: float) -> Usual:
     """One sample more.  What is usual is learnt from operations without a sign.
 
     They are alike but for noise if no variance is more than `alike` times that of noise.  Means that are not far from
@@ -252,7 +252,7 @@ def compared(before: Usual, now: Now, limits: Limits, alike: float, evident: flo
     seen, far, evidence = cond(ends, ended, lambda: (seen, before.apart, before.evidence))
     is_other = (ends & ((far * before.apart > 0.0) | (fabs(far) > 1.0))) | (evidence >= evident)
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0) & not_(has_more)
-    on, supply, moving, pulled = _supplied(before, now, is_over)
+    on, supply, moving, pulled = _find_supply(before, now, is_over)
     return Usual(
         surprise=surprised,
         bias=biased,
@@ -296,7 +296,7 @@ class Bent(NamedTuple):
     variance: Any  # that of the errors beside both
 
 
-def _supplied(before: Usual, now: Now, is_over: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+def _find_supply(before: Usual, now: Now, is_over: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Samples with a voltage, the supply, that which last pulled the mover, and the stop that it left first."""
     is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
     on = where(is_on, 1.0, where(now.is_edge | not_(before.on > 0.0), 0.0, before.on + 1.0))
@@ -316,7 +316,7 @@ def _curve(curves: Array, at: Scalar) -> Curve:
     return Curve(*(load(curves, at, k * 2 * ENTRIES) for k in range(len(Curve._fields))))
 
 
-def _bent(curve: Curve) -> Bent:
+def _fit_parabola(curve: Curve) -> Bent:
     """The parabola of a curve, by one elimination."""
     straight, bowed = (flat / larger(curve.n, 1.0) for flat in FLAT)
     spread = curve.supply_var + straight
@@ -337,11 +337,11 @@ def _far(curves: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading)
     another supply the mover comes sooner or later, which is no parabola.
     """
     own = _curve(curves, first + entry)
-    bent = _bent(own)
+    bent = _fit_parabola(own)
     variance = bent.variance
     for side in (-1.0, 1.0):
         beside = _curve(curves, first + clip(entry + side, half, half + PARTS))
-        variance = larger(variance, _bent(beside).variance)
+        variance = larger(variance, _fit_parabola(beside).variance)
     n, away = larger(own.n, FEW), at.supply - own.supply
     is_noise = at.is_alike & (own.n >= KNOWN) & (variance > ALONE[0] * at.noise) & (variance < ALONE[1] * at.noise)
     m, each = where(is_noise, SURE, n - 3.0), where(is_noise, at.noise / n, variance / (n - 3.0))
@@ -372,7 +372,7 @@ def _learnt(before: Usual, side: Scalar) -> tuple[Array, Array, Scalar]:
         moved = (mean + d / n for mean, d in zip(means, (du, dq, de)))
         spreads = ((1.0 - 1.0 / n) * (entry + product / n) for entry, product in zip(old[4:-1], products))
         taught = Curve(*(n, *moved, *spreads, old.lately))
-        bent = _bent(taught)
+        bent = _fit_parabola(taught)
         du, dq, de = (now - mean for now, mean in zip((supply, square(supply), value - MOST), taught[1:4]))
         beside = de - bent.slope * du - bent.bend * (dq - bent.tilt * du)
         taught = taught._replace(lately=old.lately + (beside - old.lately) / LATELY)

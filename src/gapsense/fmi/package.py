@@ -75,9 +75,9 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
     ValueError
         With all values that the component does not take, or what its folder lacks.
     """
-    found = prepared(folder, values or {})
+    found = prepare_component(folder, values or {})
     component, _, resources = found
-    files, identity = _identified(found)
+    files, identity = _identify(found)
     with tempfile.TemporaryDirectory() as temporary:
         stock = _build_stock(Path(temporary), component, files, identity, resources)
         with zipfile.ZipFile(stock) as archive:
@@ -90,7 +90,7 @@ def build(folder: Path, destination: Path, values: Mapping[str, Any] | None = No
 
 def guid(folder: Path) -> str:
     """GUID of the FMU that `build` makes of a component's folder."""
-    return _guid(_identified(prepared(folder, {}))[1])
+    return _guid(_identify(prepare_component(folder, {}))[1])
 
 
 class Prepared(NamedTuple):
@@ -101,7 +101,7 @@ class Prepared(NamedTuple):
     resources: list[Path]  # files that travel with it
 
 
-def prepared(folder: Path, given: Mapping[str, Any]) -> Prepared:
+def prepare_component(folder: Path, given: Mapping[str, Any]) -> Prepared:
     """The component of a folder with other start values, checked: table of ports, kernel and files fit each other."""
     component = load_component(folder)
     checked(component, given, folder)
@@ -111,12 +111,12 @@ def prepared(folder: Path, given: Mapping[str, Any]) -> Prepared:
         kernel = kernel_of(component)
     with code(str(kernel.module.__file__)):
         check_records(component, kernel)
-    component, tables = started(component, given)
+    component, tables = with_start_values(component, given)
     resources = [tables.get(name, folder / name) for name in component.resources]
     return Prepared(component, kernel, resources)
 
 
-def started(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
+def with_start_values(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
     """The component with these start values of its parameters, and the files of tables to put into its resources."""
     files = {Path(given[p.name]).name: Path(given[p.name]) for p in component.ports if p.columns and p.name in given}
     ports = tuple(_started(port, given[port.name]) if port.name in given else port for port in component.ports)
@@ -178,7 +178,7 @@ def _sources(component: Component, kernel: Kernel) -> dict[str, str]:
     return {"table.py": table, "kernel.py": title + kernel.python() + "\n\n" + given, **shell}
 
 
-def _identified(found: Prepared) -> tuple[dict[str, str], str]:
+def _identify(found: Prepared) -> tuple[dict[str, str], str]:
     """The sources that travel in the FMU, and the hash of all that it is made of."""
     component, kernel, resources = found
     with code(str(kernel.module.__file__)):

@@ -45,18 +45,18 @@ TRY = "\nFiles to try the FMU with, a reference run and parameters, are in `extr
 def html(component: Component, markdown: str, version: str, picture: str = "", run: str = RUN) -> str:
     """The page: what it does, a picture, tables of its ports, how to run it."""
     renderer = MarkdownIt("commonmark").enable("table")
-    text, said = parted(markdown)
+    text, said = part_text(markdown)
     taken = {"Inputs": taking(component)}
 
     def render(text: str) -> str:
-        return boxed(str(renderer.render(text)))
+        return box_tables(str(renderer.render(text)))
 
     tables = "".join(
         f"<h2>{title}</h2>\n{render(said.get(title, ''))}{_table(component.of(causality))}"
         f"{render(taken.get(title, ''))}"
         for causality, title in TITLES.items()
     )
-    body = anchored(
+    body = list_chapters(
         f"{picture}{render(text)}\n{render(chapter(component))}\n{tables}\n"
         f"{render(run.format(step=component.step_size) + TRY)}"
     )
@@ -69,7 +69,7 @@ def html(component: Component, markdown: str, version: str, picture: str = "", r
     )
 
 
-def anchored(body: str) -> str:
+def list_chapters(body: str) -> str:
     """A list of the chapters, which have anchors, before them."""
     titles = re.findall(r"<h2>(.*?)</h2>", body)
     names = [re.sub(r"\W+", "-", re.sub(r"<.*?>", "", title).lower()).strip("-") for title in titles]
@@ -90,7 +90,7 @@ def taking(component: Component) -> str:
     return f"{refused} is refused when it is used, with its name. An input that nothing drives keeps its start value."
 
 
-def parted(markdown: str) -> tuple[str, dict[str, str]]:
+def part_text(markdown: str) -> tuple[str, dict[str, str]]:
     """The text of a page, and what it says under the headings of the tables of ports, which stands there then."""
     first, *sections = re.split(r"^(?=## )", markdown, flags=re.MULTILINE)
     said = {}
@@ -101,7 +101,7 @@ def parted(markdown: str) -> tuple[str, dict[str, str]]:
     return first + "".join(sections), said
 
 
-def boxed(text: str) -> str:
+def box_tables(text: str) -> str:
     """Tables that are too wide for the window scroll in a box of their own."""
     return text.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
 
@@ -112,7 +112,7 @@ def _table(ports: tuple[Port, ...]) -> str:
     details = ("follows at once",) if ports[0].causality == "output" else ("start", "min", "max")
     head = "".join(f"<th>{h}</th>" for h in ("name", "unit", *details, "meaning"))
     rows = "".join(f"<tr>{_cells(p)}</tr>\n" for p in ports)
-    return boxed(f"<table><tr>{head}</tr>\n{rows}</table>\n")
+    return box_tables(f"<table><tr>{head}</tr>\n{rows}</table>\n")
 
 
 def _cells(port: Port) -> str:
@@ -147,14 +147,14 @@ def chapter(component: Component) -> str:
 
 def snippet(component: Component) -> str:
     """Tables for a scenario file."""
-    name, inputs = called(component), component.of("input")
+    name, inputs = example_name(component), component.of("input")
     wired = [f'"{name}.{port.name}" = "{port.source}"' for port in inputs if port.source]
     constant = [f'"{name}.{port.name}" = {float(port.start)!r}' for port in inputs if not port.source]
     parts = (f"[components.{name}]", f'fmu = "{component.name}"'), ("[connect]", *wired), ("[inputs]", *constant)
     return "\n".join("\n".join(part) + "\n" for part in parts if len(part) > 1)
 
 
-def called(component: Component) -> str:
+def example_name(component: Component) -> str:
     """Name of the component in the example: that of its class in small letters."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", component.name).lower()
 

@@ -19,17 +19,17 @@ LEAST = 0.02  # range of a panel in its largest value: what hardly changes looks
 STEPS = tuple(float(f"{digit}e{power}") for power in range(-12, 13) for digit in (1, 2, 5))  # between marks
 
 
-def drawn(component: Component) -> list[list[Port]]:
+def signals_by_panel(component: Component) -> list[list[Port]]:
     """Signals by panel, one for a unit: what most names in it have in common; no times, deviations, optional inputs."""
     panels: dict[str, list[Port]] = {}
     for port in component.ports:
         is_extra = port.unit in ("1", "s") or port.is_optional or port.name.endswith("_std")
         if port.causality != "parameter" and not is_extra:
             panels.setdefault(port.unit, []).append(port)
-    return [related(ports)[:CURVES] for ports in panels.values()][:PANELS]
+    return [related_ports(ports)[:CURVES] for ports in panels.values()][:PANELS]
 
 
-def related(ports: Sequence[Port]) -> list[Port]:
+def related_ports(ports: Sequence[Port]) -> list[Port]:
     """A port and those named after it that are about as large, such as `smoothed_position`; as many as there are."""
     families = [
         [other for other in ports if port.name in other.name and 0.03 < other.nominal / port.nominal < 30.0]
@@ -40,7 +40,7 @@ def related(ports: Sequence[Port]) -> list[Port]:
 
 def figure(component: Component, folder: Path) -> str:
     """The picture with its caption; nothing without a file, or for a component with nothing to draw."""
-    panels = drawn(component)
+    panels = signals_by_panel(component)
     if not panels or not (folder / FILE).is_file():
         return ""
     with (folder / FILE).open(encoding="utf-8", newline="") as file:
@@ -57,7 +57,7 @@ def svg(panels: Sequence[Sequence[Port]], columns: dict[str, list[float]]) -> st
     times = [1e3 * t for t in columns["time"]]
     height = len(panels) * (PANEL + GAP) + 32
     parts = [
-        f'<svg viewBox="0 0 {LEFT + PLOT + RIGHT} {height}" role="img" aria-label="{escape(named(panels))}">',
+        f'<svg viewBox="0 0 {LEFT + PLOT + RIGHT} {height}" role="img" aria-label="{escape(describe(panels))}">',
         *(part for k, ports in enumerate(panels) for part in panel(ports, columns, times, GAP + k * (PANEL + GAP))),
     ]
     bottom = height - 32
@@ -67,7 +67,7 @@ def svg(panels: Sequence[Sequence[Port]], columns: dict[str, list[float]]) -> st
     return "\n".join(parts)
 
 
-def named(panels: Sequence[Sequence[Port]]) -> str:
+def describe(panels: Sequence[Sequence[Port]]) -> str:
     """The text of the picture, for those who cannot see it."""
     return "Over time: " + ", ".join(port.name for ports in panels for port in ports)
 

@@ -42,7 +42,7 @@ a row are those at its time. Expected are the same bits, on every platform.
 """
 
 
-class Run(NamedTuple):
+class ReferenceRun(NamedTuple):
     """The run in a component's reference.csv, cell by cell: inputs of a row hold during the step that ends there."""
 
     times: list[str]
@@ -68,7 +68,7 @@ def files(folder: Path, given: Mapping[str, Any], fmi: int = 2) -> dict[str, byt
     component = load_component(folder)
     tables = {Path(given[port.name]).name for port in component.ports if port.columns and port.name in given}
     run = None if tables & {*component.resources} else reference(component, folder / REFERENCE)
-    found = [*related(component, run, fmi), *typical(folder / TYPICAL)]
+    found = [*related_files(component, run, fmi), *typical(folder / TYPICAL)]
     members = {FOLDER + item.name: item.data for item in found}
     members[FOLDER + "fmi-ls-manifest.xml"] = manifest(found)
     if run:
@@ -77,7 +77,7 @@ def files(folder: Path, given: Mapping[str, Any], fmi: int = 2) -> dict[str, byt
     return members
 
 
-def reference(component: Component, path: Path) -> Run | None:
+def reference(component: Component, path: Path) -> ReferenceRun | None:
     """The reference run, if there is one of this port table; `tests/fmus/make_references.py` makes it."""
     if not path.is_file():
         return None
@@ -87,10 +87,10 @@ def reference(component: Component, path: Path) -> Run | None:
     if header != ["time", *inputs, *outputs]:
         return None
     cut = 1 + len(inputs)
-    return Run([row[0] for row in rows], [row[1:cut] for row in rows], [row[cut:] for row in rows])
+    return ReferenceRun([row[0] for row in rows], [row[1:cut] for row in rows], [row[cut:] for row in rows])
 
 
-def related(component: Component, run: Run | None, fmi: int) -> list[Related]:
+def related_files(component: Component, run: ReferenceRun | None, fmi: int) -> list[Related]:
     """The parameters, and the experiment if there is a run."""
     found = [Related(PARAMETERS, parameter_set(component, fmi), "parameter", "All parameters as Gapsense ships them")]
     if run is None:
@@ -133,7 +133,7 @@ def manifest(found: list[Related]) -> bytes:
     return text(root)
 
 
-def experiments(component: Component, run: Run, told: str) -> bytes:
+def experiments(component: Component, run: ReferenceRun, told: str) -> bytes:
     """The one experiment."""
     root = Element("Experiments", name=component.name, description=f"To see whether {component.name} works in a tool")
     one = SubElement(root, "Experiment", name="reference", description=told)
@@ -153,7 +153,7 @@ def parameter_set(component: Component, fmi: int) -> bytes:
     for port in ports:
         kind = "Enumeration" if fmi == 3 and port.choices else port.kind
         one = SubElement(parameters, "ssv:Parameter", name=port.name)
-        value = SubElement(one, f"ssv:{kind}", value=written(port, port.start))
+        value = SubElement(one, f"ssv:{kind}", value=as_xml(port, port.start))
         if kind == "Real":
             value.set("unit", port.unit)
     units = SubElement(root, "ssv:Units")
@@ -163,6 +163,6 @@ def parameter_set(component: Component, fmi: int) -> bytes:
     return text(root)
 
 
-def written(port: Port, value: Any) -> str:
+def as_xml(port: Port, value: Any) -> str:
     """A value as XML has it."""
     return str(value).lower() if port.kind == "Boolean" else repr(float(value)) if port.kind == "Real" else str(value)

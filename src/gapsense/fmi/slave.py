@@ -26,7 +26,7 @@ from .variables import Variables, variable
 HELD: list[dict[str, Any]] = []
 
 
-class Reader:
+class StateReader:
     """Reads bytes of a saved state.  Asked of the class, as by pythonfmu's own binary, it leaves refusals for later."""
 
     def __get__(self, slave: Slave | None, cls: type[Slave]) -> Callable[[bytes], dict[str, Any]]:
@@ -186,7 +186,7 @@ class Slave(Variables):
         self.period = self._given().get("sample_time", 0.0)
 
     _fmu_state_to_bytes = staticmethod(to_bytes)
-    _fmu_state_from_bytes = Reader()
+    _fmu_state_from_bytes = StateReader()
 
     # --- what pythonfmu asks and is told ---
 

@@ -61,7 +61,7 @@ def problems(component: Component, given: Mapping[str, Any]) -> list[str]:
     """Everything that is wrong with values of parameters, but for the content of tables; empty if they are taken."""
     values = {port.name: value for port, value in _values(component, given)}
     wrong = {port.name: text for port, value in _values(component, given) if (text := wrong_value(port, value))}
-    found = [*(unknown(name, values) for name in given if name not in values), *wrong.values()]
+    found = [*(unknown_parameter(name, values) for name in given if name not in values), *wrong.values()]
     falling = [p for p in component.rising if not wrong.keys() & set(p) and not values[p[0]] < values[p[1]]]
     found += [say("is_wrong", a, repr(values[a]), say("less_than", b, repr(values[b]))) for a, b in falling]
     if not wrong and not falling:  # a limit is for parameters in their ranges
@@ -69,7 +69,7 @@ def problems(component: Component, given: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def unknown(name: str, known: Iterable[str]) -> str:
+def unknown_parameter(name: str, known: Iterable[str]) -> str:
     """That there is no parameter of a name, and which may be meant."""
     near = get_close_matches(name, known, n=1)
     return say("no_parameter", name, say("did_you_mean", near[0]) if near else say("remove_it"))

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.lanes import is_compiled, stepped
+from gapsense.kernels.lanes import is_compiled, step_runs
 from gapsense.kernels.layout import flat
 
 Vector = npt.NDArray[np.float64]
@@ -59,7 +59,7 @@ def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix) -> Matrix:
         runs = [kernel.run(inputs[:, :, k].tolist(), par)[1] for k, par in enumerate(pars)]
         return np.array([[row[place] for row in run] for run in runs])
     columns = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*map(flat, pars))]
-    return np.asarray(stepped(kernel, inputs, columns, ("current",))[:, 0].T)
+    return np.asarray(step_runs(kernel, inputs, columns, ("current",))[:, 0].T)
 
 
 def differences(

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gapsense._os.files import read_columns, write_atomically, write_columns
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.fmi.components import find_components, kernel_parameters, load_component, own
-from gapsense.fmi.values import ValuesError, fields, unknown
+from gapsense.fmi.values import ValuesError, fields, unknown_parameter
 from gapsense.identification.assumptions import marks
 from gapsense.parameters import ParameterSet, is_file, read_set
 from gapsense.problems import InputError
@@ -131,7 +131,7 @@ def take_values(
     components = {folder: load_component(folder) for folder in dict.fromkeys((*folders, *known))}
     names = {port.name for component in components.values() for port in component.of("parameter")}
     where = ", ".join(file.name for file in files)
-    problems = [f"{where}: {unknown(name, names)}" for name in values if name not in names]
+    problems = [f"{where}: {unknown_parameter(name, names)}" for name in values if name not in names]
     made: dict[Path, dict[str, Value]] = {}
     for folder in folders:
         made[folder] = values_for([port.name for port in components[folder].of("parameter")], values)

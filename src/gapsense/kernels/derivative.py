@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gapsense.kernels.emit import Graph, compiled
+from gapsense.kernels.emit import Graph, compile_graph
 from gapsense.kernels.emit.printer import operands
 from gapsense.kernels.layout import fields, flatten
 from gapsense.kernels.trace import BOOLEAN, Expr, Tape, TraceError, is_traced, select, where
@@ -79,7 +79,7 @@ def _linearised(function: Callable[..., Any], n: int, *classes: Any) -> Any:
     symbols = flatten([x, records])
     layout = NamedTuple("layout", [(f"a{k}", Any) for k in range(len(symbols))])  # type: ignore[misc]
     graph = Graph("linearised", tape, [("at", layout, symbols)], [(tuple, [*values, *J.ravel()])])
-    return compiled(graph)
+    return compile_graph(graph)
 
 
 _Rule = Callable[[Expr, Callable[[Any], Any]], Any]

@@ -19,7 +19,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.trace import clip, cond, exponent, fabs, load, locate, mantissa, operation, scaled, sqrt, where
+from gapsense.kernels.trace import clip, cond, exponent, fabs, load, locate, mantissa, operation, scale, sqrt, where
 
 INVERSE_LN2, SQRT2 = 1.4426950408889634, 1.4142135623730951
 
@@ -96,13 +96,13 @@ def _exp(x: Any, form: Format) -> Any:
     is_normal = (x > form.normal[0]) & (x < form.normal[1])
     within = cond(is_normal, lambda: x, lambda: clip(where(x == x, x, 0.0), *form.ends))
     n, d = _parts(within, form)
-    return cond(is_normal, lambda: scaled(1.0 + d, n), lambda: _beyond(x, n, 1.0 + d))
+    return cond(is_normal, lambda: scale(1.0 + d, n), lambda: _beyond(x, n, 1.0 + d))
 
 
 def _beyond(x: Any, n: Any, y: Any) -> Any:
     """Exp that may be too large, or so small that it has fewer digits: rounded once, by the second of two factors."""
     half = where(x < 0.0, n + 100.0, n - 1.0)
-    return cond(fabs(x) < math.inf, lambda: scaled(scaled(y, half), n - half), lambda: where(x < 0.0, 0.0, x))
+    return cond(fabs(x) < math.inf, lambda: scale(scale(y, half), n - half), lambda: where(x < 0.0, 0.0, x))
 
 
 def _log(x: Any, form: Format) -> Any:
@@ -110,7 +110,7 @@ def _log(x: Any, form: Format) -> Any:
 
 
 def _log_of_positive(x: Any, form: Format) -> Any:
-    normal, lifted = cond(x < form.least, lambda: (scaled(x, form.lift), form.lift), lambda: (x, 0.0))
+    normal, lifted = cond(x < form.least, lambda: (scale(x, form.lift), form.lift), lambda: (x, 0.0))
     from_one = mantissa(normal)
     is_large = from_one > SQRT2
     m, n = where(is_large, 0.5 * from_one, from_one), exponent(normal) + where(is_large, 1.0, 0.0) - lifted
@@ -143,7 +143,7 @@ def _tanh_beyond(x: Any, a: Any, form: Format) -> Any:
 
 def _tanh_of_size(a: Any, form: Format) -> Any:
     n, d = _parts(a + a, form)
-    power = scaled(1.0, n)
+    power = scale(1.0, n)
     whole, part = power + 1.0, power * d
     total = whole + part
     q = 2.0 / total

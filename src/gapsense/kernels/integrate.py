@@ -37,7 +37,7 @@ def least(a: Scalar, b: Scalar) -> Scalar:
     return where(a < b, a, b)
 
 
-def added(sums: Any, more: Any) -> Any:
+def add_integrals(sums: Any, more: Any) -> Any:
     """A record of integrals with others, of a further step."""
     return _as(sums, (a + b for a, b in zip(sums, more)))
 

@@ -113,7 +113,7 @@ def ports(feedthrough: tuple[str, ...] = ()) -> Callable[[T], T]:
     """Decorator of a record whose fields have ports; `feedthrough` of outputs that say no other."""
 
     def note(cls: Any) -> Any:
-        given = {name: _found(name, value) for name, value in cls._field_defaults.items()}
+        given = {name: _find_port(name, value) for name, value in cls._field_defaults.items()}
         starts = {name: _start(value) for name, value in given.items()}
         setattr(cls, PORTS, {"": Part(feedthrough), **given})
         is_made = any(value is None for value in starts.values())  # outputs have no start value
@@ -135,7 +135,7 @@ def record_of(name: str, table: Mapping[str, Any], field: str, port: Callable[[s
     return ports()(cls)
 
 
-def _found(name: str, value: Any) -> Any:
+def _find_port(name: str, value: Any) -> Any:
     """The port of a field; that of another record's field of this name, if the field says so."""
     if not isinstance(value, Same):
         return value
@@ -176,10 +176,10 @@ def _ports(cls: Any) -> Iterator[Port]:
     known, outside = choices(cls), getattr(cls, PORTS, {"": Part(())})[""].feedthrough
     for field, port in _said(cls):
         if isinstance(port, Port) and port is not COLUMN:
-            yield _named(_depending(port, outside), field, known.get(field, ()))
+            yield _with_name(_depending(port, outside), field, known.get(field, ()))
 
 
-def _named(port: Port, field: str, names: tuple[str, ...]) -> Port:
+def _with_name(port: Port, field: str, names: tuple[str, ...]) -> Port:
     """A port with what its field says: its name, and its choices."""
     if port.columns:
         field = field.removesuffix("_" + port.columns[0].rpartition(":")[2].partition(" ")[0])

@@ -55,7 +55,7 @@ def outer(a: Any, b: Any) -> Any:
     return matrix([[x * y for y in b] for x in a])
 
 
-def swept(A: Any) -> Any:
+def sweep(A: Any) -> Any:
     """A symmetric positive definite matrix with its first row and column swept, and moved to the end.
 
     After as many turns as it has rows, the result is minus its inverse, with the rows in their old order.
@@ -68,11 +68,15 @@ def swept(A: Any) -> Any:
 def nonnegative(P: Any) -> Any:
     """Covariance with the upper triangle of `P`; what rounding has made a negative variance is zero, with its row."""
     positive = [variance > 0.0 for variance in P.diagonal()]
-    P = _without(symmetric(P), [is_traced(p) or p for p in positive])  # what is known while tracing costs nothing
-    return cond(reduce(and_, filter(is_traced, positive), True), lambda: P, lambda: _without(P, positive))
+    P = _without_zero_variances(
+        symmetric(P), [is_traced(p) or p for p in positive]
+    )  # what is known while tracing costs nothing
+    return cond(
+        reduce(and_, filter(is_traced, positive), True), lambda: P, lambda: _without_zero_variances(P, positive)
+    )
 
 
-def _without(P: Any, positive: Sequence[Any]) -> Any:
+def _without_zero_variances(P: Any, positive: Sequence[Any]) -> Any:
     """Covariance without the rows and columns of variances that are not positive."""
     pairs = [[p if p is q else p & q for q in positive] for p in positive]
     return symmetric(matrix([[where(c, v, 0.0) for c, v in zip(*row)] for row in zip(pairs, P)]))

@@ -20,7 +20,7 @@ ROUND_CONSTANTS = (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344)  # the first 
 CANDIDATES = 64  # of `normal`; all are rejected with a probability of 1e-36
 
 
-def seeded(seed: Scalar) -> Array:
+def seed_state(seed: Scalar) -> Array:
     """Valid generator state (6,) for a seed, a whole number from 0 to 2^31 - 1.
 
     The words of the state are seed + 1 scrambled once, twice, ... six times.  The scrambling is a nonlinear bijection:
@@ -28,7 +28,7 @@ def seeded(seed: Scalar) -> Array:
     for every n, however long the warm-up, because the generator is linear as well.  Runs over the seeds 1, 2, 3, ...
     would then not be independent.
     """
-    words = loop(6, lambda *w: ((*w[1:], _scrambled(w[-1])), False), (seed + 1.0,) * 6)
+    words = loop(6, lambda *w: ((*w[1:], _scramble(w[-1])), False), (seed + 1.0,) * 6)
     return vector([*words[:3], *(where(w >= M2, w - M2, w) for w in words[3:])])
 
 
@@ -76,7 +76,7 @@ def _product(a: Scalar, b: Scalar) -> Scalar:
     return _modulo(_modulo(high * b, M1) * HALF + (a - high * HALF) * b, M1)
 
 
-def _scrambled(x: Scalar) -> Scalar:
+def _scramble(x: Scalar) -> Scalar:
     """Four rounds of x := (x + c)^3 modulo M1, each a bijection because 3 does not divide M1 - 1."""
     for c in ROUND_CONSTANTS:
         x = _modulo(x + float(c), M1)

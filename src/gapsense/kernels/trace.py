@@ -239,7 +239,7 @@ exponent = operation("exponent", lambda x: math.frexp(x)[1] - 1)
 mantissa = operation("mantissa", lambda x: 2.0 * math.frexp(x)[0])
 
 
-def scaled(x: Any, n: Any) -> Any:
+def scale(x: Any, n: Any) -> Any:
     """`x * 2^n` for a whole `n` of which 2^n is a normal number."""
     return _make("scaled", x, n) if is_traced(x, n) else math.ldexp(x, int(n))
 

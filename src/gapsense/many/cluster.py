@@ -58,7 +58,12 @@ class Cluster:
 
     def start(self, pending: Pending, answers: Answers) -> None:
         """Give every worker what it needs, and a thread of ours the work."""
-        options = {"security": secured(self.address), "timeout": PATIENCE, "set_as_default": False, "name": "gapsense"}
+        options = {
+            "security": check_encryption(self.address),
+            "timeout": PATIENCE,
+            "set_as_default": False,
+            "name": "gapsense",
+        }
         try:
             self.client = Client(self.address, **options)  # type: ignore[no-untyped-call]
         except (OSError, ValueError) as error:  # of a timeout too
@@ -66,7 +71,7 @@ class Cluster:
             raise InputError([f"there is no answer from a Dask scheduler at `{self.address}`: {said}."]) from None
         refuse_others(self.client, self.address)
         self.is_known = True
-        self.client.register_plugin(Site(self.name, packed(self.many)))
+        self.client.register_plugin(Site(self.name, pack_setup(self.many)))
         self.thread = Thread(target=self.feed, args=(self.client, pending, answers), daemon=True)
         self.thread.start()
 
@@ -187,7 +192,7 @@ def scheme_of(address: str) -> str:
     return str(scheme)
 
 
-def secured(address: str) -> Security:
+def check_encryption(address: str) -> Security:
     """What Dask's own settings say of encryption; an InputError if the address does not go with them."""
     security = Security()  # type: ignore[no-untyped-call]
     if scheme_of(address) not in ENCRYPTED:
@@ -232,7 +237,7 @@ def difference(own: tuple[str, str], other: Any) -> str:
     return "its sources of Gapsense or its version of numpy differ from those here. Install the same."
 
 
-def packed(many: Many) -> Pack:
+def pack_setup(many: Many) -> Pack:
     """What every worker gets once; its paths are whole, since workers have another working folder."""
     scenario, descriptions = many.scenario, many.descriptions
     whole = tuple(file.resolve() for file in scenario.files)

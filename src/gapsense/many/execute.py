@@ -41,10 +41,10 @@ def complete(
     def keep(came: Sequence[Entry]) -> None:
         store.add(*contents(many.columns, [{**many.request(entry["index"]), **entry} for entry in came]))
 
-    return Done(*computed(executor, missing.tolist(), total, keep, progress), by)
+    return Done(*compute_missing(executor, missing.tolist(), total, keep, progress), by)
 
 
-def computed(
+def compute_missing(
     executor: Executor,
     missing: Sequence[int],
     total: int,

@@ -61,7 +61,7 @@ def read_study(path: str | Path, problems: list[str]) -> Study | None:
         problems.append(wrong)
         return None
     data = read_toml(path, problems)
-    return None if data is None else Reader(path, data, problems).study()
+    return None if data is None else StudyReader(path, data, problems).study()
 
 
 def scenario_beside(study: Path, name: str) -> Path:
@@ -70,7 +70,7 @@ def scenario_beside(study: Path, name: str) -> Path:
     return Path(name) if not beside.exists() and example(name) else beside
 
 
-class Reader:
+class StudyReader:
     """Reads one study; `places` fills with where each parameter is given."""
 
     def __init__(self, path: Path, data: Mapping[str, Any], problems: list[str]) -> None:
@@ -143,7 +143,7 @@ class Reader:
             own = table.read(SECTIONS["range"])
             port = own["parameter"] and split(table, "parameter", own["parameter"])
             if port and is_range(table, own):
-                yield from self.known(table.at("parameter"), {port: spaced(own)})
+                yield from self.known(table.at("parameter"), {port: space_values(own)})
 
     def sample(self) -> Iterator[Block]:
         """Values that are drawn, all in one block."""
@@ -212,7 +212,7 @@ def is_range(table: Table, own: Mapping[str, Any]) -> bool:
     return False
 
 
-def spaced(own: Mapping[str, Any]) -> list[Any]:
+def space_values(own: Mapping[str, Any]) -> list[Any]:
     """Values of a range, whole numbers where these are meant."""
     first, last, count = own["from"], own["to"], own["count"]
     if own["spacing"] == "log":
@@ -295,7 +295,7 @@ def inspect(path: str | Path, fmus: str | Path | None, engine: str = AUTO) -> tu
     plan = replace(study.plan, blocks=(*read.plan.blocks, *study.plan.blocks))  # the scenario's own sweep comes first
     judged = judgeable(study, read, plan)
     problems += own_problems(study, read)
-    problems += translated(check_scenario(judged, descriptions, draft.broken), study, read.path.name)
+    problems += translate_problems(check_scenario(judged, descriptions, draft.broken), study, read.path.name)
     if len(descriptions) == len(read.components):
         found = check_patterns(study.signals, signals(descriptions), "trajectories.signals")
         problems += [f"{study.path.name}, {problem}" for problem in found]
@@ -362,10 +362,10 @@ def own_problems(study: Study, scenario: Scenario) -> list[str]:
     return problems
 
 
-def translated(found: Iterable[str], study: Study, file: str) -> list[str]:
+def translate_problems(found: Iterable[str], study: Study, file: str) -> list[str]:
     """Problems of the scenario, at the place of the study file where that gives the value; of many alike the first."""
     told: dict[str, list[str]] = {}
-    for problem in (renamed(problem, study, file) for problem in found):
+    for problem in (rename_problem(problem, study, file) for problem in found):
         told.setdefault(NUMBERS.sub("", problem), []).append(problem)
     for alike in told.values():
         if (left := len(alike) - SHOWN) > 0:
@@ -373,7 +373,7 @@ def translated(found: Iterable[str], study: Study, file: str) -> list[str]:
     return [problem for alike in told.values() for problem in alike]
 
 
-def renamed(problem: str, study: Study, file: str) -> str:
+def rename_problem(problem: str, study: Study, file: str) -> str:
     """A problem with the place in the study file, if that gives the value."""
     for port, place in study.places.items():
         for end in (":", " ("):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense._os.files import header, naming, prepared, refuse_export, rename
+from gapsense._os.files import header, naming, prepare_file, refuse_export, rename
 from gapsense.cosim.scenario.read import CAMPAIGN, other_kind
 from gapsense.cosim.scenario.read import CAMPAIGN_FILE as FILE
 from gapsense.cosim.show import pages
@@ -154,7 +154,7 @@ class Campaign:
         path = Path(file)
         check_export(path)
         write = write_parquet if path.suffix == PARQUET else write_csv
-        with prepared(path, lambda _: None) as part:
+        with prepare_file(path, lambda _: None) as part:
             with naming(path):
                 write(self, part)
             rename(part, path)

@@ -62,7 +62,7 @@ class Store:
 
     def __init__(self, file: Path | None, key: str, is_reader: bool = False) -> None:
         self.file, self.key, self.is_reader = file, key, is_reader
-        with told(file):
+        with tell_errors(file):
             self.connection = reading(file) if is_reader and file else writing(file)
         weakref.finalize(self, self.connection.close)  # which only the collector of garbage would do else
         self.is_changed = False
@@ -105,7 +105,7 @@ class Store:
             if not self.number:
                 (last,) = change(f"SELECT max(id) FROM {RUNS}").fetchone()
                 self.number = 1 + max([*self.entries(), (last or 0) >> BITS])
-            content = sealed(self.number, text.encode())
+            content = seal(self.number, text.encode())
             for name in (ABOUT, COPY):
                 change(f"INSERT OR REPLACE INTO {name} VALUES (?, ?)", (self.number, content))
 
@@ -119,7 +119,7 @@ class Store:
         with self.changing():
             for name, contents in {**more, RUNS: runs}.items():
                 rows = [
-                    (self.place(run), sealed(self.place(run), content, bits[run] if name == RUNS else 0))
+                    (self.place(run), seal(self.place(run), content, bits[run] if name == RUNS else 0))
                     for run, content in contents.items()
                 ]
                 self.connection.executemany(f"INSERT OR IGNORE INTO {name} VALUES (?, ?)", rows)
@@ -127,7 +127,7 @@ class Store:
     @contextmanager
     def changing(self) -> Iterator[Callable[..., sqlite3.Cursor]]:
         """One change of the file, whole or not at all."""
-        with told(self.file):
+        with tell_errors(self.file):
             if self.file and not self.is_changed:
                 self.connection.execute(f"PRAGMA journal_mode = {mode_of(self.file)}")
             self.is_changed = True
@@ -189,18 +189,18 @@ class Store:
     def selected(self, query: str, *values: int) -> Iterator[list[Any]]:
         """Rows of a query, some at a time."""
         try:
-            with told(self.file):
+            with tell_errors(self.file):
                 cursor = self.connection.execute(query, values)
                 rows = cursor.fetchmany(GROUP)
             while rows:
                 yield rows
-                with told(self.file):
+                with tell_errors(self.file):
                     rows = cursor.fetchmany(GROUP)
         except UNREADABLE as error:
             raise InputError([f"{self.file}: it is damaged ({error}). {AGAIN}."]) from None
 
 
-def sealed(place: int, content: bytes, bits: int = 0) -> bytes:
+def seal(place: int, content: bytes, bits: int = 0) -> bytes:
     """A content with its place in front and its checksum behind."""
     whole = HEAD.pack(place, bits) + content
     return whole + crc32(whole).to_bytes(4, "little")
@@ -266,11 +266,11 @@ def reading(file: Path) -> sqlite3.Connection:
 def writing(file: Path | None) -> sqlite3.Connection:
     """The file, opened for writing and made if need be; damaged entries are reported and deleted."""
     if file is None:
-        return prepared(knowing("file::memory:"))
+        return prepare_connection(knowing("file::memory:"))
     file.parent.mkdir(parents=True, exist_ok=True)
-    commits = logged(file)
+    commits = last_commit(file)
     try:
-        connection = prepared(connect(file))
+        connection = prepare_connection(connect(file))
         if commits > max(0, connection.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()[1]):
             LOG.warning("%s: the log of its last runs is damaged. Lost runs are computed again.", file)
         with file.open("rb") as opened:  # of an unknown version SQLite would only read
@@ -283,10 +283,10 @@ def writing(file: Path | None) -> sqlite3.Connection:
     except UNREADABLE as error:
         problem = damage(error)
     rebuild(file, problem)
-    return prepared(connect(file))
+    return prepare_connection(connect(file))
 
 
-def prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
+def prepare_connection(connection: sqlite3.Connection) -> sqlite3.Connection:
     """A connection with the tables, which are the first pages of a new file."""
     connection.execute(f"PRAGMA page_size = {PAGE}")
     connection.execute(f"PRAGMA synchronous = {SYNCHRONOUS}")
@@ -319,7 +319,7 @@ def wrong(connection: sqlite3.Connection) -> str:
     return " ".join(str(found).split()) if found != "ok" else "" if tables == CREATED else "its tables are not ours"
 
 
-def logged(file: Path) -> int:
+def last_commit(file: Path) -> int:
     """Place of the last commit in a write-ahead log that a kill has left, damaged or not."""
     try:
         content = file.with_name(f"{file.name}-wal").read_bytes()
@@ -367,7 +367,7 @@ def rebuild(file: Path, problem: str) -> None:
             old.with_name(old.name + ending).unlink(missing_ok=True)
         with suppress(FileNotFoundError):
             shutil.copyfile(file.with_name(file.name + ending), aside.with_name(aside.name + ending))
-    with closing(prepared(connect(new))) as fresh:
+    with closing(prepare_connection(connect(new))) as fresh:
         graft(aside, new)
         fresh.execute("BEGIN")
         for name in TABLES:
@@ -413,7 +413,7 @@ def is_of_damage(said: str) -> bool:
 
 
 @contextmanager
-def told(file: Path | None) -> Iterator[None]:
+def tell_errors(file: Path | None) -> Iterator[None]:
     """Tell errors of the operating system, of which SQLite says little, in its words and with the file."""
     try:
         yield

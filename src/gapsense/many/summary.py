@@ -82,7 +82,7 @@ def correlations(campaign: Campaign) -> dict[str, list[Leading]]:
     factors, metrics = numeric(campaign), campaign.metrics
     if not factors or campaign.rows < 3:
         return {}
-    sample = sampled(campaign, [*factors, *metrics])
+    sample = sample_columns(campaign, [*factors, *metrics])
     known: dict[bytes, list[Vector]] = {}  # ranks of the parameters; most metrics lack the same runs
     found = {}
     for metric in metrics:
@@ -94,7 +94,7 @@ def correlations(campaign: Campaign) -> dict[str, list[Leading]]:
     return found
 
 
-def sampled(campaign: Campaign, names: Sequence[str]) -> dict[str, Vector]:
+def sample_columns(campaign: Campaign, names: Sequence[str]) -> dict[str, Vector]:
     """Columns of some runs, drawn with one seed for ever."""
     random, part = np.random.default_rng(0), min(1.0, SAMPLED / campaign.rows)
     parts: list[list[Vector]] = []
@@ -138,7 +138,7 @@ def levels(campaign: Campaign, name: str) -> list[Any] | None:
     return sorted(found, key=lambda value: (str(type(value)), value))
 
 
-def grouped(campaign: Campaign, factor: str, metric: str, values: Sequence[Any]) -> list[Group]:
+def group_metric(campaign: Campaign, factor: str, metric: str, values: Sequence[Any]) -> list[Group]:
     """A metric at each value of a parameter."""
     given, numbers = zip(*campaign.arrays(factor, metric))
     code, number = np.concatenate(given), np.concatenate(numbers)

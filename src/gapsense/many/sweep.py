@@ -34,7 +34,7 @@ from gapsense.many.columns import ENDED, columns_of, kind
 from gapsense.many.execute import Done, complete
 from gapsense.many.provenance import key, provenance
 from gapsense.many.store import ERRORS, SUFFIX, WORDS, Store, alone
-from gapsense.many.worker import Many, kept, thrifty
+from gapsense.many.worker import Many, signal_file, thrifty
 from gapsense.problems import InputError, ScenarioError
 from gapsense.tables import Value
 
@@ -198,7 +198,7 @@ def unusable(store: Store, many: Many) -> Iterator[int]:
     if many.folder is None:
         return
     for run in store.runs(below=len(many.plan)).tolist():
-        file = kept(many.folder, run)
+        file = signal_file(many.folder, run)
         if not is_whole(file):
             yield run
             if file.is_file():
@@ -231,7 +231,7 @@ def collect(many: Many, store: Store, done: Done) -> Sweep:
         units={name: unit for name, unit in columns.units.items() if name != "wall"},
         grid={str(port): tuple(point[str(port)] for point in points) for port in plan.ports},
         ended={run: own[ENDED] for run, own in words.items() if ENDED in own},
-        kept=() if many.folder is None else tuple(kept(many.folder, run) for run in indices),
+        kept=() if many.folder is None else tuple(signal_file(many.folder, run) for run in indices),
         engine=done.engine,
     )
 

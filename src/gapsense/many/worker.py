@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gapsense._os.importable import importable_name, imported
+from gapsense._os.importable import import_function, importable_name
 from gapsense._os.processes import Died, Marks, own_marks
 from gapsense._os.workers import Job
 from gapsense.cosim.fmu.descriptions import Descriptions
@@ -34,7 +34,7 @@ class Runs:
     def __init__(self, task: Mapping[str, Any]) -> None:
         versions()  # now, so that no run need account for it: it starts a process
         self.scenario, self.descriptions = pickle.loads(b64decode(task["pickled"]))
-        self.measure = imported(task["measure"]) if task["measure"] else None
+        self.measure = import_function(task["measure"]) if task["measure"] else None
         self.keep = Path(task["keep"]) if task["keep"] else None
         self.patterns, self.decimation = task["signals"], task["decimation"]
         self.master: Master | None = None
@@ -53,7 +53,7 @@ class Runs:
         """Metrics, wall time, what has ended the run, and signals as bytes: time first, one after the other."""
         try:
             if self.keep:
-                result.save(kept(self.keep, index))
+                result.save(signal_file(self.keep, index))
         except OSError as error:
             return {"error": f"`{error.filename}`: {error.strerror}."}
         answer: dict[str, Any] = {"metrics": self.metrics(result), "wall": result.wall}
@@ -130,7 +130,7 @@ def death_entry(scenario: Scenario, descriptions: Descriptions) -> Callable[[Die
     return entry
 
 
-def kept(folder: Path, index: int) -> Path:
+def signal_file(folder: Path, index: int) -> Path:
     """File for the recorded signals of a run."""
     return folder / f"{index:05d}.csv"
 

@@ -18,7 +18,7 @@ from typing import Annotated, NamedTuple
 
 from gapsense.kernels.interface import choice, fixed, input_, output, parameter, ports, sample_time, seed
 from gapsense.kernels.layout import Array, Choice, Scalar, Vector
-from gapsense.kernels.random import normal, seeded, uniform
+from gapsense.kernels.random import normal, seed_state, uniform
 from gapsense.kernels.trace import clip, floor, not_, where, where_each
 
 LOWER, MOVING, UPPER = 1.0, 2.0, 3.0  # modes: lower stop (minimum gap), between the stops, upper stop
@@ -107,7 +107,7 @@ class Outputs(NamedTuple):
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """First sample at once; it is never lost, since there is no earlier reading to hold."""
-    start = State(seeded(par.seed), Contact(MOVING, 0.0, 0.0), Reading(0.0, 0.0, MOVING))
+    start = State(seed_state(par.seed), Contact(MOVING, 0.0, 0.0), Reading(0.0, 0.0, MOVING))
     state = _take_sample(start, inputs, par._replace(contact_bounce=0.0))
     return state, _outputs(state.reading, 0.0)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element, fromstring
 
-from gapsense._os.files import remembered
+from gapsense._os.files import remember
 from gapsense.cosim.fmu.archive import DESCRIPTION
 from gapsense.ssp.words import tag
 from gapsense.units import UNITS, base_exponents
@@ -69,7 +69,7 @@ def read_units(root: Element, path: str) -> dict[str, BaseUnit]:
     return {name: read_base(base) for name, base in bases.items() if base is not None}
 
 
-@remembered
+@remember
 def units_of(fmu: Path) -> Units:
     """Units that an FMU defines, and ours for names that it leaves undefined; its description was read before."""
     with zipfile.ZipFile(fmu) as archive:

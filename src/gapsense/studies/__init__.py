@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterable
 from importlib import import_module
 from typing import Any
 
-from gapsense._os.importable import imported
+from gapsense._os.importable import import_function
 from gapsense.shipped import SCENARIOS
 
 
@@ -27,7 +27,7 @@ def drawer(kind: str) -> Callable[[Any], Any]:
     if kind not in FIGURES:
         kinds = ", ".join(FIGURES)
         raise ValueError(f"the scenario asks for figure `{kind}`; there are {kinds}. Correct its key `figure`.")
-    drawn: Callable[[Any], Any] = imported(FIGURES[kind])
+    drawn: Callable[[Any], Any] = import_function(FIGURES[kind])
     return drawn
 
 

@@ -17,7 +17,7 @@ VALVE: solenoid_valve.Parameters = kernel_parameters(own("solenoid_valve"), {}) 
 RTS_VALVE: reluctance_actuator.Parameters = kernel_parameters(own("reluctance_actuator"), {})  # [RTS] Table I
 
 
-def driven(plant: Any, par: Any, voltage: npt.NDArray[np.float64], dt: float, *names: str) -> npt.NDArray[np.float64]:
+def drive(plant: Any, par: Any, voltage: npt.NDArray[np.float64], dt: float, *names: str) -> npt.NDArray[np.float64]:
     """Outputs of an actuator at multiples of `dt` [s], one column per name; each voltage [V] is held until the next."""
     steps = ((k * dt, dt, u) for k, u in enumerate(voltage[:-1].tolist(), 1))
     _, rows = Kernel(plant).run([(0.0, 0.0, 0.0), *steps], par)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.files import fingerprint
-from gapsense._os.importable import facts, importable_name, imported
+from gapsense._os.importable import facts, import_function, importable_name
 from gapsense._os.workers import Entry, Job, Local, Progress
 from gapsense.cosim.check import prepare
 from gapsense.cosim.run.ahead import VECTORS
@@ -21,7 +21,7 @@ from gapsense.cosim.run.master import Master
 from gapsense.cosim.run.recording import Subject, new_marks
 from gapsense.cosim.run.run import run_once
 from gapsense.cosim.scenario.read import Document, Source, document_of
-from gapsense.many.execute import computed
+from gapsense.many.execute import compute_missing
 from gapsense.many.provenance import key
 from gapsense.many.store import RUNS, Store, alone
 from gapsense.many.worker import by_port
@@ -121,7 +121,7 @@ def compute(
         def keep(came: Sequence[Entry]) -> None:
             store.add({entry["index"]: json.dumps(entry["result"]).encode() for entry in came})
 
-        count, interrupted = computed(Local(job, len(missing)), missing, len(numbers), keep, progress)
+        count, interrupted = compute_missing(Local(job, len(missing)), missing, len(numbers), keep, progress)
         if interrupted:
             raise KeyboardInterrupt
         found = {n: json.loads(store.content(RUNS, n) or b"null") for n in numbers}
@@ -130,7 +130,7 @@ def compute(
 
 def answers(request: Facts) -> Callable[[int], Facts]:
     """Function with which a worker answers the number of a task."""
-    function, setting, tasks = imported(request["function"]), request["setting"], request["tasks"]
+    function, setting, tasks = import_function(request["function"]), request["setting"], request["tasks"]
     return lambda n: {"result": function(setting, tasks[str(n)])}  # names in JSON are texts
 
 

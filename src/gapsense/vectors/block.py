@@ -19,7 +19,7 @@ from gapsense.kernels.layout import names
 from gapsense.problems import FmuError
 from gapsense.tables import Value
 from gapsense.vectors import library
-from gapsense.vectors.library import aligned, table
+from gapsense.vectors.library import aligned_zeros, table
 from gapsense.vectors.model import Member, Model, of_parameters
 
 Values = Mapping[str, Value]
@@ -56,7 +56,7 @@ class Block:
     def __init__(self, model: Model, takes: Sequence[Take], go_on: Callable[[], None]) -> None:
         self.model, self.takes, self.go_on, self.c = model, takes, go_on, library.loop()
         self.width, self.count = self.c.width(), len(takes)
-        self.values = aligned(model.room.size, self.width)
+        self.values = aligned_zeros(model.room.size, self.width)
         self.data = np.empty((self.count, *reversed(shape(model.scenario, model.subject.columns))))
         self.arrays = [np.zeros((size, self.width)) for size in model.room.memories]
         self.given: list[dict[str, dict[str, Value]]] = []

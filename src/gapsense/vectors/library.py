@@ -23,7 +23,7 @@ from gapsense.kernels.emit.c import held
 from gapsense.kernels.emit.lanes import is_array
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, OverRuns, over_runs
-from gapsense.kernels.lanes.library import addresses, loaded, with_types
+from gapsense.kernels.lanes.library import addresses, load_library, with_types
 from gapsense.kernels.lanes.plan import Column, columns_in_c
 from gapsense.kernels.layout import fields, names
 
@@ -35,7 +35,7 @@ Call, Link, Stage, Range, Watch, Part = (MADE[name] for name in ("Call", "Link",
 Loop, Runs, Signal = MADE["Loop"], MADE["Runs"], MADE["Signal"]
 
 
-def filled(structure: Any, **fields: Any) -> Any:
+def fill_structure(structure: Any, **fields: Any) -> Any:
     """A structure of C, which keeps its arrays; a list becomes one, and its length is put into the field behind it."""
     given, kinds = {**fields}, structure._fields_
     for (name, kind), (count, _) in zip(kinds, kinds[1:]):
@@ -83,7 +83,7 @@ def of_kernel(kernel: Kernel) -> Functions | None:
 @cache
 def loop() -> Any:
     """The library that does base steps; None where no compiler is."""
-    library = loaded(with_types(SOURCE.read_text("utf-8")))
+    library = load_library(with_types(SOURCE.read_text("utf-8")))
     if library is not None:
         part, loop, runs, signals = (ctypes.POINTER(kind) for kind in (Part, Loop, Runs, Signal))
         library.prepare.argtypes = [part, runs]
@@ -149,9 +149,9 @@ def places(found: Functions, room: Room, buffered: int, own: int, output: int) -
     made = [*state, *range(output, output + len(found.outputs))]
     constants = [*of_constants(found.codes.constants, par, room)]
     calls = [
-        called(found, 0, [*given, *par], made),
-        called(found, 1, par, constants),
-        called(found, 2, [*state, *given, *constants], made),
+        call(found, 0, [*given, *par], made),
+        call(found, 1, par, constants),
+        call(found, 2, [*state, *given, *constants], made),
     ]
     tables = {k: place for k, place in enumerate(par) if is_table[k]}
     return Places(
@@ -171,7 +171,7 @@ def structure(p: Places, period: float, **more: Any) -> Any:
     """Structure of a component in C, with `more` of its fields; `period` is that of its samples or steps [s]."""
     initial, constants, advance = p.calls
     found = p.functions
-    return filled(
+    return fill_structure(
         Part,
         constants=constants,
         initial=initial,
@@ -208,7 +208,7 @@ def entries_of(found: Functions, values: Mapping[str, Any]) -> list[Any]:
     return [values[name] for name in names(found.kernel.module.Parameters)]
 
 
-def aligned(rows: int, width: int) -> npt.NDArray[np.float64]:
+def aligned_zeros(rows: int, width: int) -> npt.NDArray[np.float64]:
     """Zeros (rows, width) that begin where a vector may."""
     raw = np.zeros((rows + 1) * width)
     first = -raw.ctypes.data % (8 * width) // 8
@@ -220,7 +220,7 @@ def results(code: Code) -> list[Any]:
     return [entry for _, row in code.graph.results for entry in row]
 
 
-def called(found: Functions, which: int, taken: Sequence[int], made: Sequence[int]) -> Any:
+def call(found: Functions, which: int, taken: Sequence[int], made: Sequence[int]) -> Any:
     """A call of C of a function; arrays that it returns stay where they are."""
     code: Code = found.codes[which]
     at = ints([*taken, *(place for entry, place in zip(results(code), made) if not is_array(entry))])
@@ -234,7 +234,7 @@ Floats = npt.NDArray[np.float64]
 THREADS = 2  # more than memory can feed help little
 
 
-def filtered(
+def filter_runs(
     found: Functions,
     values: Mapping[str, Any],
     inputs: Sequence[Floats],
@@ -258,7 +258,7 @@ def filtered(
     def do(first: int) -> None:
         """The runs from one on that fit into a vector."""
         count = min(width, runs - first)
-        v, arrays = aligned(room.size, width), [np.zeros((size, width)) for size in room.memories]
+        v, arrays = aligned_zeros(room.size, width), [np.zeros((size, width)) for size in room.memories]
         for k, entry in enumerate(entries_of(found, values)):
             if k in at.tables:
                 arrays[at.tables[k]] = table(entry, width)

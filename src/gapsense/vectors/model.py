@@ -14,7 +14,17 @@ from gapsense.fmi.steps import samples_due
 from gapsense.fmi.values import fields
 from gapsense.tables import Value
 from gapsense.vectors import library
-from gapsense.vectors.library import Functions, Places, Room, entries_of, filled, functions, ints, places, structure
+from gapsense.vectors.library import (
+    Functions,
+    Places,
+    Room,
+    entries_of,
+    fill_structure,
+    functions,
+    ints,
+    places,
+    structure,
+)
 
 KNOWN = 256  # sets of values of a component that are remembered
 STAGE = 4  # numbers of a stage that differ between runs
@@ -101,7 +111,7 @@ class Model:
             for name, first in self.conditions.items()
             if (e := self.layout.events[name]).when
         ]
-        return filled(
+        return fill_structure(
             library.Loop,
             parts=self.structures,
             part_count=len(self.members),

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense._os.files import write_atomically
-from gapsense._os.interrupts import counted
+from gapsense._os.interrupts import count_interrupts
 from gapsense._os.processes import Died, Process, own_marks
 from gapsense._os.processes import process as new_process
 from gapsense.cosim.fmu.descriptions import Descriptions
@@ -76,7 +76,7 @@ def record_apart(plan: Plan, watch: Listeners) -> Recording:
     The first Ctrl-C lets the step end, the second one ends the process.  Nothing is raised for either unless there is
     no row yet.
     """
-    with counted() as interrupts:
+    with count_interrupts() as interrupts:
         process = new_process(limit=limit_of(plan.scenario))
         try:
             recording = Supervisor(process, plan, watch, interrupts).recording()

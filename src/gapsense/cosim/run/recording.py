@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import remembered, sha256
+from gapsense._os.files import remember, sha256
 from gapsense._os.processes import MARKS, Died, Marks
 from gapsense.cosim.fmu.descriptions import Descriptions, reader_version
 from gapsense.cosim.scenario.records import (
@@ -42,7 +42,7 @@ from gapsense.version import __version__
 if TYPE_CHECKING:
     from gapsense.cosim.result.result import Result, Run, Signal, Steps
 
-known_hash = remembered(sha256)
+known_hash = remember(sha256)
 BINS, OF_OCTAVE, LEAST = 512, 16, -26  # the first one begins at 2**LEAST s, and takes all that is shorter
 Counts = npt.NDArray[np.int64]
 # Marks: what goes on; the component that it goes on in, its place in execution order + 1; the base step that is being

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gapsense._os.interrupts import counted
+from gapsense._os.interrupts import count_interrupts
 from gapsense.cosim.check import prepare
 from gapsense.cosim.run.ahead import run_ahead
 from gapsense.cosim.run.apart import Listeners, Plan, record_apart, tell
@@ -127,7 +127,7 @@ def run_once(
     """
     take = master.subject.make_take(seed_shift, point)
     master.marks[STOP] = 0
-    with counted(at_most=1, then=master.stop) as interrupts:
+    with count_interrupts(at_most=1, then=master.stop) as interrupts:
         recording = master.run(take.columns, take.seeds, progress, take.values, keeper=kept)
         if interrupts() > 1:
             recording.error, recording.interrupted = None, True

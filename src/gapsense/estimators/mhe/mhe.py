@@ -56,14 +56,14 @@ from gapsense.estimators.mhe.window import (
     Samples,
     Smoothed,
     Work,
+    as_outputs,
     bounces_on,
+    count_kept,
     drives,
     first_work,
     get,
-    kept,
     place,
     priors,
-    published,
     put,
 )
 from gapsense.estimators.readings import (
@@ -118,7 +118,7 @@ YOUNG = 6.0  # how much patience there is at first
 LEARNT = 0.25  # error of the current that what was learnt from such noise makes, over its deviation
 BOTH = 2.0  # operations, a closing and an opening: a fault may show in one of them only
 STRANGE, STRANGE_SOFT = 4.4, 6.1  # deviations of a mean innovation that no healthy device has; where more is learnt
-LITTLE, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
+LITTLE_FLUX, EASY = 0.2, 0.5  # of saturation: little flux; share of the model's error that is left there
 FINE = 0.7  # share of them within which an operation after a strange one is fine: what was learnt of a fault has more
 SETTLED_SHARE = 0.52  # of the variance of a mean innovation that noise makes, where a device has settled
 # evidence that what was learnt no longer fits: a sum, sample by sample, of the squared mean innovation in its variance,
@@ -180,7 +180,7 @@ class Shown(NamedTuple):
     smoothed_flux_linkage: Scalar = output("Wb", "Smoothed flux linkage", nominal=20e-3)
 
 
-def _shown(at: Point, time: Scalar) -> Shown:
+def _show_causal(at: Point, time: Scalar) -> Shown:
     """Nothing smoothed: the causal estimate, now."""
     return Shown(
         smoothed_published=0.0,
@@ -275,7 +275,7 @@ def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     has_readings = has_voltage & _has_current(inputs, par)
     fine = health({LOST: not_(has_readings), UNLEARNT: is_unlearnt(state.watch, par)})
     return state, _outputs(
-        at, d, 0.0, _shown(at, inputs.time), state.work.learnt, published(priors(par), par), fine, par
+        at, d, 0.0, _show_causal(at, inputs.time), state.work.learnt, as_outputs(priors(par), par), fine, par
     )
 
 
@@ -463,7 +463,7 @@ def _health(now: Sample, work: Work, watch: Watch, held: Held, told: Parameters,
 def _drop_long(work: Work, follow: Follow, par: Parameters) -> Work:
     """Where the current is no longer fed back, since the mover is on a stop, a long window is dropped."""
     is_back, longest = not_(is_set(follow.is_on) | is_set(follow.is_futile)), par.window_longest / par.sample_time
-    age = where(is_back & (work.window.age > longest), kept(par), work.window.age)
+    age = where(is_back & (work.window.age > longest), count_kept(par), work.window.age)
     return work._replace(window=work.window._replace(age=age))
 
 
@@ -480,7 +480,7 @@ def _has_current(inputs: Inputs, par: Parameters) -> Scalar:
 def _add_sample(before: Samples, now: Sample, par: Parameters) -> Samples:
     """The sample is kept; a current that was lost, or is at an edge, has no weight in (4)."""
     w = where(now.has_current & not_(now.is_edge), now.relevance * weight(par), 0.0)
-    newest = where(before.newest < kept(par) - 1.0, before.newest + 1.0, 0.0)
+    newest = where(before.newest < count_kept(par) - 1.0, before.newest + 1.0, 0.0)
     return Samples(
         newest=newest,
         voltages=store(before.voltages, newest, now.voltage),
@@ -551,7 +551,7 @@ def _publish(
     """The next smoothed sample, if there is one; the velocity is the mean since the one before."""
 
     def publish() -> tuple[Scalar, Scalar, Shown]:
-        oldest = where(work.shown >= newest, newest + kept(par) - work.shown, newest - work.shown) - 1.0
+        oldest = where(work.shown >= newest, newest + count_kept(par) - work.shown, newest - work.shown) - 1.0
         late = where(par.publish_within > 0.0, oldest - par.publish_within / par.sample_time, 0.0)
         skipped = clip(-floor(-late), 0.0, work.ready - 1.0)
         before, spot = (_behind(work.shown + skipped + k, par) for k in (0.0, 1.0))
@@ -565,13 +565,13 @@ def _publish(
         )
         return spot, work.ready - 1.0 - skipped, shown
 
-    spot, left, shown = cond(work.ready > 0.0, publish, lambda: (work.shown, 0.0, _shown(now, time)))
+    spot, left, shown = cond(work.ready > 0.0, publish, lambda: (work.shown, 0.0, _show_causal(now, time)))
     return work._replace(shown=spot, ready=left), shown
 
 
 def _behind(spot: Scalar, par: Parameters) -> Scalar:
     """A place in the memory that may be beyond its end."""
-    return where(spot < kept(par), spot, spot - kept(par))
+    return where(spot < count_kept(par), spot, spot - count_kept(par))
 
 
 def _outputs(
@@ -832,7 +832,7 @@ def watch_operation(before: Watch, seen: Seen, now: Point, learnt: Learnt, m: Mo
     edge = _place_edge(before.edge, new.spread, seen, counts & not_(between), now, m, par)
     unexpected = sqrt(seen.relevance) * (seen.innovation - by_place * edge.faded * edge.place)
     surprise = before.surprise + where(counts, RECENT * (unexpected - before.surprise), 0.0)
-    is_easy = (learnt.explained >= PRACTISED) & (fabs(now.flux_linkage) < LITTLE * m.d.saturation)
+    is_easy = (learnt.explained >= PRACTISED) & (fabs(now.flux_linkage) < LITTLE_FLUX * m.d.saturation)
     is_large = is_known & is_too_large(surprise, learnt, par, is_easy)
     is_other = is_set(par.option_command) & (fabs(seen.change) > 0.0)
     return new._replace(

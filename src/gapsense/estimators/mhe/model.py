@@ -31,7 +31,7 @@ SHORTENED, SHORTEST = 0.9, 0.1  # L near saturation
 # R_c0 lambda_sat and lambda_sat: least squares of the relative error from 2 to 90 % of saturation; at most 10 % stay
 CORE, KNEE, SATURATION = 1.1185, 2.9351, 1.0428
 QUICK = 1.0  # angle of the oscillation on an elastic stop in a sampling period, from which it is as a hard one
-LITTLE = 2e-3  # of the stroke: a mover that would not come back by more stays where it is
+LEAST_RETURN = 2e-3  # of the stroke: a mover that would not come back by more stays where it is
 LOST = 2.0 / 3.0  # of what damping and speed make of it: nearly the law of Hunt and Crossley, up to half the speed
 
 
@@ -284,10 +284,10 @@ def make_gap(par: Any) -> Gap:
 
 def gap_law(z: Scalar, law: Gap) -> tuple[Scalar, Scalar, Scalar]:
     """Believed R_g(z) without factor and bend, its first and its second derivative [1/H]."""
-    return cond(law.is_table, lambda: _tabulated(z, law), lambda: _fringing(z, law))
+    return cond(law.is_table, lambda: _interpolate_gap(z, law), lambda: _fringing(z, law))
 
 
-def _tabulated(z: Scalar, law: Gap) -> tuple[Scalar, Scalar, Scalar]:
+def _interpolate_gap(z: Scalar, law: Gap) -> tuple[Scalar, Scalar, Scalar]:
     R, slope, curvature = spline(z, law.knots, law.reluctance, law.curvature)
     return law.scale * R, law.scale * slope, law.scale * curvature
 
@@ -445,7 +445,7 @@ def advance(p: Point, voltage: Scalar, m: Model, seen: Bouncing = NO_BOUNCE) -> 
     mean, rests = mean_of(p.voltage, voltage, m), is_resting(p, m)
     e, stays = electric(p, mean, m), rests & is_quiet(p, mean, m)
     free = p.position + m.T_s * (p.velocity + 0.5 * m.T_s * p.acceleration)
-    z, turned_round = _stopped(p, free, rests, m)
+    z, turned_round = _stop(p, free, rests, m)
     change = gain(p, e, m.T_s, m) * (e.rate - 0.5 * m.load * p.slope * p.flux_linkage * (z - p.position))
     change = where(seen.bounces, m.T_s * (mean - m.d.resistance * seen.current), change)
     lam = p.flux_linkage + where(stays, 0.0, change)
@@ -470,7 +470,7 @@ def advance(p: Point, voltage: Scalar, m: Model, seen: Bouncing = NO_BOUNCE) -> 
     )
 
 
-def _stopped(p: Point, free: Scalar, rests: Scalar, m: Model) -> tuple[Scalar, Scalar]:
+def _stop(p: Point, free: Scalar, rests: Scalar, m: Model) -> tuple[Scalar, Scalar]:
     """Position after a sampling period, `free` if there were no stops, and the velocity that a stop has left."""
     within, is_outside = clip(free, m.lower, m.upper), (p.position < m.lower) | (p.position > m.upper)
     meets = m.bounces & (rests | is_outside | not_(within == free))
@@ -499,8 +499,8 @@ def _turn_round(p: Point, free: Scalar, rests: Scalar, m: Model) -> tuple[Scalar
     end = pressed + (start - pressed) * cos + speed / omega * sin
     later = speed * cos - (start - pressed) * omega * sin
     stays = yields & (end > 0.0)
-    back = _rebound(where(yields, -later, speed), m)
-    rise = 2.0 * LITTLE * (m.upper - m.lower) * fabs(push)
+    back = _rebound_speed(where(yields, -later, speed), m)
+    rise = 2.0 * LEAST_RETURN * (m.upper - m.lower) * fabs(push)
     is_worth = (back > 0.5 * m.T_s * fabs(push)) & (back * back > rise)  # or it is down again with the next sample
     back = where(is_worth, back, 0.0)
     gone = where(yields, -end / where(stays | (start <= end), 1.0, start - end), 0.0)  # share of the time since it left
@@ -509,7 +509,7 @@ def _turn_round(p: Point, free: Scalar, rests: Scalar, m: Model) -> tuple[Scalar
     return stop + into * where(rests, rest, away), where(rests, 0.0, into * where(stays, later, -back))
 
 
-def _rebound(speed: Scalar, m: Model) -> Scalar:
+def _rebound_speed(speed: Scalar, m: Model) -> Scalar:
     """Speed after an impact."""
     return speed * where(m.is_elastic, 1.0 / (1.0 + LOST * m.stop_damping * speed), m.restitution)
 

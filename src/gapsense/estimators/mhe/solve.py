@@ -51,8 +51,10 @@ from gapsense.estimators.mhe.window import (
     Window,
     Work,
     advance_pass,
+    as_outputs,
     begin_pass,
     bounds,
+    count_kept,
     get,
     get_matrix,
     has_landed,
@@ -60,19 +62,17 @@ from gapsense.estimators.mhe.window import (
     is_idle,
     is_look,
     is_untaught,
-    kept,
     origin_of,
     pace,
     place,
     priors,
-    published,
     put,
     put_matrix,
     start_deviation,
 )
 from gapsense.kernels.elementary import exp, log
 from gapsense.kernels.layout import Array, Scalar
-from gapsense.kernels.linalg import deviation, diagonal, outer, swept, total, vector
+from gapsense.kernels.linalg import deviation, diagonal, outer, sweep, total, vector
 from gapsense.kernels.trace import clip, cond, fabs, flag, is_set, load, loop, not_, sqrt, square, store, when, where
 
 LOGARITHMS = 9  # the first corrections are logarithms
@@ -222,7 +222,7 @@ def work_on(
     what is believed before the first window.
     """
     work = work._replace(window=work.window._replace(age=work.window.age + 1.0))
-    is_behind = (work.window.age > kept(par) - 2.0 * PACE) | _is_behind(work, par)
+    is_behind = (work.window.age > count_kept(par) - 2.0 * PACE) | _is_behind(work, par)
     work = when(is_behind, lambda work: _give_up(work, causal), work)
     work = when(work.pass_start == PassStart.first, lambda work: _with_prior(work, causal, par), work)
     is_deriving = work.phase == Phase.deriving
@@ -259,7 +259,7 @@ def _with_prior(work: Work, causal: Point, par: Parameters) -> Work:
         window=work.window._replace(origin=put(work.window.origin, origin_of(causal))),
         fit=work.fit._replace(prior=put_matrix(work.fit.prior, _blind(par))),
         good_prior=put_matrix(work.good_prior, _blind(par)),
-        learnt=work.learnt._replace(deviations=put(work.learnt.deviations, published(priors(par), par))),
+        learnt=work.learnt._replace(deviations=put(work.learnt.deviations, as_outputs(priors(par), par))),
     )
 
 
@@ -281,7 +281,7 @@ def _is_behind(work: Work, par: Parameters) -> Scalar:
 def wait(work: Work, causal: Point, par: Parameters) -> Work:
     """No work while the current is fed back; what waits for too long is given up."""
     work = work._replace(window=work.window._replace(age=work.window.age + 1.0))
-    return when(work.window.age > kept(par) - 2.0 * PACE, lambda work: _give_up(work, causal), work)
+    return when(work.window.age > count_kept(par) - 2.0 * PACE, lambda work: _give_up(work, causal), work)
 
 
 def _give_up(work: Work, causal: Point) -> Work:
@@ -393,7 +393,7 @@ def _invert(work: Work, par: Parameters) -> Work:
     most = clip(fit.pivots_done + 2.0 * pace(par), 0.0, float(N))
 
     def two(inverse: Array, done: Scalar) -> tuple[tuple[Array, Scalar], Scalar]:
-        return (put_matrix(inverse, swept(swept(get_matrix(inverse)))), done + 2.0), done + 2.0 >= most
+        return (put_matrix(inverse, sweep(sweep(get_matrix(inverse)))), done + 2.0), done + 2.0 >= most
 
     def pivot() -> Work:
         inverse, done = loop(N // 2, two, (fit.inverse, fit.pivots_done))
@@ -518,7 +518,9 @@ def _verdict(work: Work, par: Parameters) -> Verdict:
     ends_later = (walk.takeoff < 0.0) | (walk.still < WITHIN * tail) | is_bad
     is_fixed = is_set(window.has_grown) | is_late | is_set(par.option_command) | (window.end >= longest)
     grows = (is_final | is_bad) & ends_later & not_(is_fixed)
-    may_seek = not_(is_set(search.search_done)) & (search.searches < worth.searches) & (window.age < 0.5 * kept(par))
+    may_seek = (
+        not_(is_set(search.search_done)) & (search.searches < worth.searches) & (window.age < 0.5 * count_kept(par))
+    )
     return Verdict(
         total=total,
         misfit=misfit,
@@ -671,14 +673,14 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     fit, old = work.fit, work.learnt
     posterior = -get_matrix(fit.inverse)
     P = _widening(misfit, old, par) * (1.0 + damping(work, fit.shortenings, par)) * posterior
-    deviations = put(old.deviations, published([deviation(P[k, k]) for k in range(START)], par))
+    deviations = put(old.deviations, as_outputs([deviation(P[k, k]) for k in range(START)], par))
     d, Pi = get(fit.q, N) - get(fit.q_prior, N), get_matrix(fit.prior)
     changed = d @ (Pi @ d)
     change = (changed - EXPECTED) / SURPRISING
     share = where(is_set(par.option_further), square(clip(change, 0.0, 1.0)), 0.0)
     moved = flag(has_moved(work.walk))
     trends = _trends(old, d, moved, par)
-    ahead = {k: moved * step for k, step in zip(SUDDEN, _ahead(trends))}
+    ahead = {k: moved * step for k, step in zip(SUDDEN, _expected_change(trends))}
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
         if k in SUDDEN:
             unsteady = square(ABOUT * ahead[k])
@@ -732,14 +734,14 @@ def _trends(before: Learnt, d: Array, moved: Scalar, par: Parameters) -> list[Sc
     counts = is_set(par.option_ahead) & (moved > 0.0) & (before.explained >= SETTLES)
     old = (before.rest_trend, before.damping_trend)
     means = []
-    for k, mean, step in zip(SUDDEN, old, _ahead(old)):
+    for k, mean, step in zip(SUDDEN, old, _expected_change(old)):
         most = STEADY * RESTLESS[k]
         new = LASTING * mean + (1.0 - LASTING) * clip(step + d[k], -most, most)
         means.append(where(counts, where(fabs(d[k]) > AT_ONCE * RESTLESS[k], 0.0, new), mean))
     return means
 
 
-def _ahead(trends: Sequence[Scalar]) -> list[Scalar]:
+def _expected_change(trends: Sequence[Scalar]) -> list[Scalar]:
     """What the next operation will change of them."""
     noise = [UNSTEADY * RESTLESS[k] for k in SUDDEN]
     return [mean - clip(mean, -most, most) for mean, most in zip(trends, noise)]
@@ -816,7 +818,7 @@ def _forget(work: Work, par: Parameters) -> Work:
     fit = work.fit
     return _open_window(
         work._replace(
-            window=work.window._replace(age=kept(par)),
+            window=work.window._replace(age=count_kept(par)),
             fit=fit._replace(q=put(fit.q, [0.0] * N), prior=put_matrix(fit.prior, _blind(par))),
         )
     )

@@ -246,7 +246,7 @@ def start_deviation(par: Parameters) -> Scalar:
     return AT_START * par.core_saturation
 
 
-def published(deviations: Sequence[Scalar], par: Parameters) -> list[Scalar]:
+def as_outputs(deviations: Sequence[Scalar], par: Parameters) -> list[Scalar]:
     """As outputs: what is not learnt has none."""
     return [s if k in USUAL else where(is_set(par.option_further), s, 0.0) for k, s in enumerate(deviations)]
 
@@ -259,7 +259,7 @@ def origin_of(at: Point) -> Array:
     return vector([at.flux_linkage, at.hysteresis, at.position, at.velocity, at.voltage])
 
 
-def kept(par: Parameters) -> Scalar:
+def count_kept(par: Parameters) -> Scalar:
     """Samples that are kept: places of the memory that are used."""
     return clip(floor(par.window_memory), 1.0, float(RING))
 
@@ -267,7 +267,7 @@ def kept(par: Parameters) -> Scalar:
 def place(newest: Scalar, age: Scalar, par: Parameters) -> Scalar:
     """Place in the memory of a sample that is so many samples old."""
     at = newest - age
-    return where(at < 0.0, at + kept(par), at)
+    return where(at < 0.0, at + count_kept(par), at)
 
 
 def get(memory: Array, size: int) -> Array:

@@ -64,7 +64,7 @@ NONE = vector([0.0] * len(CAUSES))
 
 def initial(inputs: Inputs, par: Parameters) -> tuple[State, Outputs]:
     """Nothing is known, or the baseline of an earlier run."""
-    baseline = _given(par)
+    baseline = _given_baseline(par)
     values = baseline.healthy
     state = State(
         baseline=baseline,
@@ -245,7 +245,7 @@ def _decide(state: State, par: Parameters) -> State:
     """The causes of a strange operation and the next one, unless a closing with a cold coil was all."""
     course, noise = state.course, state.baseline.usual_size
     was_closing = not_(is_set(state.operation.command))  # the first one
-    profile = where_each(was_closing, _weighed(course.profile), course.profile)
+    profile = where_each(was_closing, _weigh_opening(course.profile), course.profile)
     evidence = where_each(is_set(course.is_still), _only("still"), _evidence(profile, SUDDEN, noise))
     evidence = where_each(is_set(course.is_dead), _only("open"), evidence)
     is_usual = (course.familiar > 0.0) | (course.size < par.limit_strange)
@@ -254,7 +254,7 @@ def _decide(state: State, par: Parameters) -> State:
     return when(is_fault, lambda state: _alarm(state, profile, evidence), state)
 
 
-def _weighed(profile: Array) -> Array:
+def _weigh_opening(profile: Array) -> Array:
     """The opening counts no more than the closing before it: `Mhe` may be lost in it."""
     closing, opening = profile[:PHASES], profile[PHASES:]
     most, found = _length(closing), _length(opening)
@@ -360,7 +360,7 @@ def _teach(old: Baseline, means: Array, is_closing: Scalar, par: Parameters) -> 
 
 def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
     """Learnt values that have moved too far, though no operation was strange."""
-    moved = _moved(state)
+    moved = _wandered(state)
     is_worn = _wear(moved) > par.limit_worn
     evidence = where_each(is_worn, _evidence(moved[1:], GRADUAL, 1.0), NONE)
     verdict = where(is_worn, float(Verdict.worn), float(Verdict.healthy))
@@ -368,7 +368,7 @@ def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
     return _with_evidence(state, evidence, time)
 
 
-def _moved(state: State) -> Array:
+def _wandered(state: State) -> Array:
     """Learnt values since the baseline, in usual wanderings (3)."""
     return (state.learnt.values - state.baseline.healthy) / state.learnt.wandering
 
@@ -429,7 +429,7 @@ def _length(x: Array) -> Scalar:
 # ports
 
 
-def _given(par: Parameters) -> Baseline:
+def _given_baseline(par: Parameters) -> Baseline:
     """The baseline of an earlier run; none with fewer windows than make one."""
     is_whole = par.baseline_windows >= par.learn_windows
     usual, healthy = (vector([where(is_whole, x, 0.0) for x in given]) for given in (par.means, par.values))
@@ -442,7 +442,7 @@ def _given(par: Parameters) -> Baseline:
 
 
 def _outputs(state: State) -> Outputs:
-    course, learnt, baseline, moved = state.course, state.learnt, state.baseline, _moved(state)
+    course, learnt, baseline, moved = state.course, state.learnt, state.baseline, _wandered(state)
     lag = 1.0 / SLOW - 1.0 / QUICK  # operations
     return Outputs(
         verdict=course.verdict,

@@ -206,7 +206,7 @@ Profile = record_of("Profile", MEANS, "profile_{}", lambda _, mean: output("A", 
 Moved = record_of("Moved", LEARNT, "moved_{}", lambda _, value: output("1", f"{MOVED}: {value[0]}"))
 
 
-def kept(unit: str, what: str) -> Scalar:
+def kept_output(unit: str, what: str) -> Scalar:
     """An output that is a parameter after a restart."""
     return output(unit, f"For the parameter of that name after a restart: {what}")
 
@@ -214,13 +214,13 @@ def kept(unit: str, what: str) -> Scalar:
 def _kept_mean(field: str, mean: tuple[str, str]) -> Scalar:
     kind, where = mean
     article = "an" if kind == "opening" else "a"
-    return kept("A", f"mean innovation of {article} {kind} {where}" if where == WHERE[0] else where)
+    return kept_output("A", f"mean innovation of {article} {kind} {where}" if where == WHERE[0] else where)
 
 
 def _kept_value(field: str, value: tuple[str, str]) -> Scalar:
     what, unit = value
     shown = {"1": "", "Ohm": " [ohm]"}.get(unit, f" [{unit}]")
-    return kept("1", f"logarithm of the {what}{shown}")
+    return kept_output("1", f"logarithm of the {what}{shown}")
 
 
 KeptMeans = record_of("KeptMeans", MEANS, "baseline_{}", _kept_mean)
@@ -250,7 +250,7 @@ class Outputs(NamedTuple):
     profile: Annotated[Any, Profile] = part()
     moved: Annotated[Any, Moved] = part()
     trend: Annotated[Any, Trend] = part()
-    baseline_windows: Scalar = kept("1", "windows behind the baseline")
-    baseline_size: Scalar = kept("A", "usual size of a profile")
+    baseline_windows: Scalar = kept_output("1", "windows behind the baseline")
+    baseline_size: Scalar = kept_output("A", "usual size of a profile")
     kept_means: Annotated[Any, KeptMeans] = part()
     kept_values: Annotated[Any, KeptValues] = part()

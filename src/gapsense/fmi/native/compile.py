@@ -25,7 +25,7 @@ def compile_common(files: Mapping[str, str], compiler: Compiler, work: Path) -> 
     folder.mkdir()
     put({name: text for name, text in files.items() if name not in OWN}, folder)
     for source in sorted(folder.glob("*.c")):
-        _compiled(source, compiler, *SMALL)
+        _compile(source, compiler, *SMALL)
 
 
 def binary(files: Mapping[str, str], name: str, compilers: Sequence[Compiler], work: Path) -> bytes:
@@ -80,7 +80,7 @@ def _library(files: Mapping[str, str], name: str, compiler: Compiler, work: Path
     with tempfile.TemporaryDirectory(dir=work) as temporary:
         folder = Path(temporary)
         put({file: text for file, text in files.items() if file in OWN or file.endswith(".h")}, folder)
-        own = [_compiled(folder / file, compiler) for file in OWN]
+        own = [_compile(folder / file, compiler) for file in OWN]
         library = folder / f"{name}{compiler.binary.ending}"
         # Else a library for macOS holds the path of this folder.
         called = (f"-Wl,-install_name,@rpath/{library.name}",) if library.suffix == ".dylib" else ()
@@ -97,7 +97,7 @@ def put(files: Mapping[str, str], folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def _compiled(source: Path, compiler: Compiler, *more: str) -> Path:
+def _compile(source: Path, compiler: Compiler, *more: str) -> Path:
     """An object file; by its full path, because Zig's cache takes sources of one relative path for the same."""
     made = source.with_suffix(".o")
     run((*compiler.command, *compiler.flags, *more, "-c", str(source), "-o", str(made)), source.name)

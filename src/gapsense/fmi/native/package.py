@@ -79,10 +79,10 @@ def build(
         }
         for part in parts:
             binaries = {name: made[part.component.name, name].result() for name in used}
-            yield from ((part.folder, path) for path in packaged(part, binaries, destination))
+            yield from ((part.folder, path) for path in write_packages(part, binaries, destination))
 
 
-def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> Iterator[Path]:
+def write_packages(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> Iterator[Path]:
     """Write the FMUs of FMI 2.0, and that of FMI 3.0."""
     of_2 = {name for name in binaries if PLATFORMS[name].folder}
     apart = {name for name in of_2 if name != PLATFORMS[name].folder}
@@ -98,16 +98,16 @@ def packaged(parts: Parts, binaries: Mapping[str, bytes], destination: Path) -> 
 def members_2(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[str]) -> dict[str, bytes]:
     """All files of an FMU of FMI 2.0 for some platforms."""
     component, places = parts.component, {name: PLATFORMS[name] for name in platforms}
-    about = model_description_2(component, parts.guid, __version__, listed(parts.sources(2)))
+    about = model_description_2(component, parts.guid, __version__, files_to_compile(parts.sources(2)))
     return {
         "modelDescription.xml": about,
         "model.png": (package.HERE / "icon.png").read_bytes(),
         **{f"binaries/{p.folder}/{component.name}{p.ending}": binaries[name] for name, p in places.items()},
-        **shared(parts, platforms, 2),
+        **shared_files(parts, platforms, 2),
     }
 
 
-def shared(parts: Parts, platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
+def shared_files(parts: Parts, platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
     """The files that have the same place whatever the version of FMI."""
     return {
         "documentation/index.html": documentation(parts, platforms, fmi).encode(),
@@ -118,7 +118,7 @@ def shared(parts: Parts, platforms: Sequence[str], fmi: int) -> dict[str, bytes]
     }
 
 
-def listed(sources: Mapping[str, bytes]) -> list[str]:
+def files_to_compile(sources: Mapping[str, bytes]) -> list[str]:
     """The files among these that are to be compiled."""
     return sorted(Path(name).name for name in sources if name.endswith(".c"))
 
@@ -136,7 +136,7 @@ def documentation(parts: Parts, platforms: Sequence[str], fmi: int) -> str:
 
 def members_3(parts: Parts, binaries: Mapping[str, bytes]) -> dict[str, bytes]:
     """All files of the FMU; `binaries` by platform, as for FMI 2.0."""
-    component, compiled = parts.component, listed(parts.sources(3))
+    component, compiled = parts.component, files_to_compile(parts.sources(3))
     libraries = (library for name, content in binaries.items() for library in libraries_3(parts, name, content))
     return {
         "modelDescription.xml": model_description(component, parts.variables, parts.guid, __version__),
@@ -145,7 +145,7 @@ def members_3(parts: Parts, binaries: Mapping[str, bytes]) -> dict[str, bytes]:
         "sources/buildDescription.xml": build_description(component.name, compiled),
         **dict(libraries),
         **(dict.fromkeys(MANIFESTS, manifest()) if WASM in binaries else {}),
-        **shared(parts, sorted(binaries), 3),
+        **shared_files(parts, sorted(binaries), 3),
     }
 
 

@@ -74,9 +74,9 @@ def gather(folder: Path, values: Mapping[str, Any], *, with_arrays: bool = True)
 
     `with_arrays` says whether FMI 3.0 lists variables that are arrays; there are hosts that take all for scalars.
     """
-    component, kernel, paths = package.prepared(folder, values)
+    component, kernel, paths = package.prepare_component(folder, values)
     resources = {path.name: path.read_bytes() for path in paths}
-    tables = shipped(component, {path.name: path for path in paths})
+    tables = shipped_columns(component, {path.name: path for path in paths})
     files = {**common(), "kernel.c": kernel.c() + EXACT, "arrays.c": arrays_c(component, kernel, tables)}
     flags = (FLAGS, SMALL, sorted(PLATFORMS.items()))
     content = (__version__, component, sorted(files.items()), sorted(resources.items()), flags, with_arrays)
@@ -96,7 +96,7 @@ def gather(folder: Path, values: Mapping[str, Any], *, with_arrays: bool = True)
     return parts._replace(files={**files, "model.c": model})
 
 
-def shipped(component: Component, paths: Mapping[str, Path]) -> dict[str, list[list[float]]]:
+def shipped_columns(component: Component, paths: Mapping[str, Path]) -> dict[str, list[list[float]]]:
     """Columns of the tables that travel with the component, by parameter."""
     named = {port.name: (paths[port.start], tuple(heads(port.columns))) for port in component.ports if port.columns}
     return {name: read_table(path, columns) for name, (path, columns) in named.items()}

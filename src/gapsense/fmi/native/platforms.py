@@ -76,7 +76,7 @@ def compilers(name: str) -> list[Compiler]:
     raise NativeError(f"{what}; {more}. Run `pip install ziglang=={ZIG}`.")
 
 
-def chosen(names: list[str]) -> list[str]:
+def choose_platforms(names: list[str]) -> list[str]:
     """Platforms by name, of which `here` is the machine's own; without names all that can be compiled for here."""
     names = names or ([name for name in PLATFORMS if name != WASM] if zig_version() == ZIG else ["here"])
     own = here() or f"{platform.system()} on {platform.machine()}"

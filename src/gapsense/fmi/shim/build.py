@@ -25,13 +25,13 @@ def headers() -> Path:
     return folder
 
 
-def exported() -> tuple[str, ...]:
+def exported_names() -> tuple[str, ...]:
     """Names of all functions that the shim must export."""
     text = "".join(file.read_text("utf-8") for file in SOURCE.parent.glob("*.[ch]"))
     return tuple(sorted(set(re.findall(r"^(?:STATUS\(|FMI2_Export [^=;]*?)(fmi2\w+)\b[(,]", text, flags=re.MULTILINE))))
 
 
-def generated() -> dict[str, str]:
+def write_math_header() -> dict[str, str]:
     """The header with exp, log and tanh."""
     return {"same.h": same("double", ("same_exp(", "same_log(", "same_tanh("))}
 
@@ -40,12 +40,12 @@ SHIM = Library(
     module="gapsense.fmi.shim.build",
     source=SOURCE,
     binary=BINARY,
-    exports=exported(),
+    exports=exported_names(),
     embedded=("loader.py",),
     libraries=("-ldl", "-lpthread"),  # part of libc since glibc 2.34
     options=("-ffp-contract=off",),
     headers=headers,
-    generated=generated,
+    generated=write_math_header,
 )
 
 if __name__ == "__main__":

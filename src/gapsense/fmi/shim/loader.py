@@ -67,7 +67,7 @@ def slave_class(resources: str) -> type:
     key = name, script.read_bytes()
     with LOCK:
         if key not in CLASSES:
-            CLASSES[key] = derived(module_of(name, script))
+            CLASSES[key] = find_class(module_of(name, script))
     return CLASSES[key]
 
 
@@ -84,7 +84,7 @@ def module_of(name: str, script: Path) -> ModuleType:
     return module
 
 
-def derived(module: ModuleType) -> type:
+def find_class(module: ModuleType) -> type:
     """The class in a module that is furthest from pythonfmu's own, as its builder chooses it."""
     base: type = importlib.import_module("pythonfmu").Fmi2Slave
     classes = [c for c in vars(module).values() if isinstance(c, type) and issubclass(c, base)]
@@ -144,10 +144,10 @@ def records(messages: Iterable[Any], wanted: list[str] | None) -> bytes:
     """The messages that the host wants, as bytes; of a host that wants none, those on errors, its only sign of them."""
     is_all = wanted is None or "logAll" in wanted
     chosen = [m for m in messages if is_all or m.category in (wanted or ["logStatusError"])]
-    return b"".join(b"%d%s\0%s\0" % (m.status, *encoded([m.category, m.msg])) for m in chosen)
+    return b"".join(b"%d%s\0%s\0" % (m.status, *encode([m.category, m.msg])) for m in chosen)
 
 
-def encoded(texts: Iterable[Any]) -> list[bytes]:
+def encode(texts: Iterable[Any]) -> list[bytes]:
     """Texts for C.  Bytes that were not UTF-8 when they came from there are themselves again."""
     return [_encoded(str(text).replace("\0", " ")) for text in texts]
 

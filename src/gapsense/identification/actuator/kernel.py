@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gapsense.estimators.mhe import model as mhe
-from gapsense.estimators.mhe.model import LITTLE, Model, Point, advance, current, device, is_between, model, point
+from gapsense.estimators.mhe.model import LEAST_RETURN, Model, Point, advance, current, device, is_between, model, point
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip, fabs, not_, where
 
@@ -108,7 +108,7 @@ def _turned_round(p: Point, free: Scalar, at: Point, m: Model, par: Parameters) 
     known, stop, T_s = par.known, at.position, m.T_s
     share = (stop - p.position) / where(free == p.position, 1.0, free - p.position)
     v = -known.stop_restitution * (p.velocity + share * T_s * p.acceleration)
-    is_worth = v * v > 2.0 * LITTLE * (known.stop_upper - known.stop_lower) * fabs(at.acceleration)
+    is_worth = v * v > 2.0 * LEAST_RETURN * (known.stop_upper - known.stop_lower) * fabs(at.acceleration)
     meets = is_between(p, m) & not_(free == stop) & not_(par.beyond.contact_stiffness > 0.0) & is_worth
     back = where(meets, (1.0 - share) * T_s * v, 0.0)
     return at._replace(

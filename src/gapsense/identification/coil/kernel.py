@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gapsense.estimators.core_losses import Acting, Losses, advanced, lossy
+from gapsense.estimators.core_losses import Acting, Losses, advance_hysteresis, lossy
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import fabs, where
 
@@ -71,7 +71,7 @@ def _half(state: State, voltage: Scalar, par: Parameters) -> State:
     first = voltage - par.resistance * _current(lam, held, par)
     second = voltage - par.resistance * _current(lam + dt * first, held, par)
     change = 0.5 * dt * (first + second)
-    return State(lam + change, advanced(state.hysteresis, lam, change, _core(par)))
+    return State(lam + change, advance_hysteresis(state.hysteresis, lam, change, _core(par)))
 
 
 def _outputs(state: State, voltage: Scalar, par: Parameters) -> Outputs:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import Sheet, read_bytes, split_header, twice, unread
+from gapsense._os.files import Sheet, read_bytes, split_header, twice, why_unreadable
 from gapsense.identification.gap_law.laws import Vector
 from gapsense.identification.gap_law.table import HEAD, Column, cells, values, without_notes
 from gapsense.identification.measurements.reading import Line, is_number, other_separator, with_unit
@@ -123,7 +123,7 @@ def read_heads(path: Path, how: Reading, problems: list[str]) -> Sheet:
         text = read_bytes(path).decode("utf-8-sig")
         lines = [*split_lines(text, how)]
     except (UnicodeDecodeError, csv.Error) as error:
-        problems.append(f"{path.name}: not a CSV file in UTF-8 ({unread(error)}). Save it as one.")
+        problems.append(f"{path.name}: not a CSV file in UTF-8 ({why_unreadable(error)}). Save it as one.")
     if other := other_separator(lines, how.separator):
         problems.append(f"{path.name}, line 1: {other}")
     first = first_row(lines, how.decimal)

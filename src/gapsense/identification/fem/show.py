@@ -57,7 +57,7 @@ SHOWN = 3
 STEPS = (50e-6, 100e-6, 200e-6, 500e-6, 1e-3)  # s; sampling periods that are proposed
 WINDOW = 600  # samples until the end of a window, with which `Mhe` is done in time
 MOVING = 100  # samples of a motion, at least
-LITTLE = 0.01  # of the flux linkage, that is left when a trial ends
+FLUX_LEFT = 0.01  # of the flux linkage, that is left when a trial ends
 HALVES = (2000, 20_000, 100_000)  # samples of a trial with the voltage and without
 
 
@@ -303,7 +303,7 @@ def trial(par: Parameters, volts: float) -> tuple[Record, Trajectory] | None:
     for half in HALVES:
         u = np.r_[np.zeros(50), np.full(half, volts), np.zeros(half)]
         i, lam, z = run(par, u.tolist()).T
-        if z[half + 49] == par.stop_lower and lam[-1] < LITTLE * lam.max():
+        if z[half + 49] == par.stop_lower and lam[-1] < FLUX_LEFT * lam.max():
             n = np.arange(u.size)
             columns = {"time": float(par.sample_time) * n, "voltage": u, "current": i}
             return to_record(Columns("trial.csv", n, columns)), Trajectory(i, lam, z)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from gapsense._os.files import number, read_bytes, unread
+from gapsense._os.files import number, read_bytes, why_unreadable
 from gapsense.cosim.result.result import Result, read_result
 from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.scenario.read import RECORD, other_kind
@@ -155,7 +155,7 @@ def read_columns(path: Path, how: Reading, problems: list[str]) -> Columns:
         reader = csv.reader(io.StringIO(read_bytes(path).decode("utf-8-sig"), newline=""), delimiter=how.separator)
         lines = [Line(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]
     except (UnicodeDecodeError, csv.Error) as error:
-        problems.append(f"{path.name}: not a CSV file in UTF-8 ({unread(error)}). Save it as one.")
+        problems.append(f"{path.name}: not a CSV file in UTF-8 ({why_unreadable(error)}). Save it as one.")
         return nothing
     if other := other_separator(lines, how.separator):
         problems.append(f"{path.name}, row 1: {other}")

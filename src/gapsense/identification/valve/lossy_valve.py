@@ -16,7 +16,7 @@ from typing import NamedTuple
 from gapsense.actuators import solenoid_valve
 from gapsense.actuators.magnetics import SATURATED
 from gapsense.actuators.solenoid_valve import Inputs
-from gapsense.estimators.core_losses import SHORTER, SHORTEST, Acting, Losses, advanced, lossy, share
+from gapsense.estimators.core_losses import SHORTER, SHORTEST, Acting, Losses, advance_hysteresis, lossy, share
 from gapsense.kernels.elementary import exp
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import fabs, square, where
@@ -76,7 +76,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     within = par.valve._replace(coil_resistance=core.R * left)
     valve, seen = solenoid_valve.step(state.valve, inputs._replace(voltage=(u - lost) * left), within)
     change = seen.flux_linkage - lam
-    h = advanced(h, lam + 0.5 * change, change, core)
+    h = advance_hysteresis(h, lam + 0.5 * change, change, core)
     current = lossy(seen.current, seen.flux_linkage, Acting(u, h), core)
     return State(valve, seen.current, h), Outputs(current, seen.flux_linkage, seen.position)
 

@@ -3,6 +3,17 @@
 from gapsense.kernels.emit.c import C
 from gapsense.kernels.emit.lanes import Lanes
 from gapsense.kernels.emit.printer import HARMLESS_IN_C, Graph, Printer, indexing, split
-from gapsense.kernels.emit.python import Python, compiled, namespace
+from gapsense.kernels.emit.python import Python, compile_graph, namespace
 
-__all__ = ["HARMLESS_IN_C", "C", "Graph", "Lanes", "Printer", "Python", "compiled", "indexing", "namespace", "split"]
+__all__ = [
+    "HARMLESS_IN_C",
+    "C",
+    "Graph",
+    "Lanes",
+    "Printer",
+    "Python",
+    "compile_graph",
+    "indexing",
+    "namespace",
+    "split",
+]

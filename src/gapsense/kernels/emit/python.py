@@ -188,7 +188,7 @@ from math import floor, frexp, inf, ldexp, nan, sqrt
     def module(cls, *functions: str) -> str:
         """Text of a module with some functions, and before them those of `elementary` that they call."""
         called = [name for name in FORMULAS if any(re.search(rf"\b{name}\(", text) for text in functions)]
-        own = ["\n".join([f"def {n}(x):", *renamed(cls(elementary(n)).definition()), ""]) for n in called]
+        own = ["\n".join([f"def {n}(x):", *rename_values(cls(elementary(n)).definition()), ""]) for n in called]
         return "\n\n".join([cls.head, *own, *functions])
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
@@ -229,7 +229,7 @@ from math import floor, frexp, inf, ldexp, nan, sqrt
         self.write(f"return {', '.join(self._tuple(entries) for _, entries in g.results)}")
         arguments = ", ".join(name for name, _, _ in g.arguments)
         rounds = "".join(f"rounds_{limit} = range({limit})\n" for limit in sorted(self.limits))
-        return "\n".join([f"{rounds}def {g.name}({arguments}):", *renamed(self.lines), ""])
+        return "\n".join([f"{rounds}def {g.name}({arguments}):", *rename_values(self.lines), ""])
 
     def _tuple(self, entries: list[Any]) -> str:
         texts = [f"[0.0] * {len(e)}" if isinstance(e, list) else self.ref(e) for e in entries]
@@ -243,7 +243,7 @@ def namespace(source: str, name: str) -> dict[str, Any]:
     return space
 
 
-def compiled(graph: Graph) -> Callable[..., Any]:
+def compile_graph(graph: Graph) -> Callable[..., Any]:
     """The function of a graph, on flat tuples."""
     source = Python.module(Python(graph).source())
     function: Callable[..., Any] = namespace(source, f"{graph.name}, generated")[graph.name]
@@ -257,7 +257,7 @@ def compiled(graph: Graph) -> Callable[..., Any]:
 # time, unite both sides of copies that do not, and give each value the first name that none living with it has.
 
 
-def renamed(lines: Sequence[str]) -> list[str]:
+def rename_values(lines: Sequence[str]) -> list[str]:
     """The body of a function in which every value has a name of its own, with few names and no idle copies."""
     body = _Body(lines)
     body.live_before(0, len(lines), 0)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from gapsense.kernels.emit import Graph, Lanes, compiled
+from gapsense.kernels.emit import Graph, Lanes, compile_graph
 from gapsense.kernels.emit.c import held
 
 Row: TypeAlias = tuple[Any, ...]
@@ -84,7 +84,7 @@ class Code:
     @cached_property
     def python(self) -> Callable[..., Any]:
         """The same as scalar Python, for a single run."""
-        return compiled(self.graph)
+        return compile_graph(self.graph)
 
     @cached_property
     def c(self) -> InC:

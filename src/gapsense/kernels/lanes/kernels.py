@@ -33,7 +33,7 @@ def over_runs(kernel: Kernel) -> OverRuns:
     return OverRuns(Code(initial), Code(constants), Code(advance))
 
 
-def stepped(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[str] = ()) -> Floats:
+def step_runs(kernel: Kernel, inputs: Any, par: Sequence[Any], outputs: Sequence[str] = ()) -> Floats:
     """Outputs of many runs of a kernel, (samples, outputs, runs).
 
     Parameters

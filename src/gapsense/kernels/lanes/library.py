@@ -52,7 +52,7 @@ def addresses(codes: Iterable[Code]) -> list[int] | None:
     """Where functions are in memory, each in a library of its own; None where no compiler is."""
     texts = [source(code) for code in codes]
     with ThreadPoolExecutor(COMPILERS_AT_ONCE) as pool:
-        libraries = [*pool.map(loaded, texts)]
+        libraries = [*pool.map(load_library, texts)]
     return [address(library, "NAME") for library in libraries if library] if all(libraries) else None
 
 
@@ -73,10 +73,10 @@ def with_types(text: str) -> str:
 
 
 @cache
-def loaded(text: str) -> ctypes.CDLL | None:
+def load_library(text: str) -> ctypes.CDLL | None:
     """The library of a source; None, with a warning, where there is none."""
     try:
-        return ctypes.CDLL(str(built(text)))
+        return ctypes.CDLL(str(build_library(text)))
     except (OSError, NativeError) as error:
         _tell(f"{error} {INSTEAD}")
         return None
@@ -93,26 +93,26 @@ def _warn(sentence: str) -> None:
     warnings.warn_explicit(sentence, UserWarning, "gapsense", 1)
 
 
-def built(text: str) -> Path:
+def build_library(text: str) -> Path:
     """File of the library; where the cache cannot be written it is for this process only."""
     compiler = own_compiler()
     if not compiler:
         raise NativeError(
             "No C compiler is found, neither the one that `CC` names nor `cc`, `gcc`, `clang` or ziglang's."
         )
-    flags, about = tuned(compiler)
+    flags, about = tuning_options(compiler)
     digest = hashlib.sha256("\0".join([text, *compiler, *flags, about]).encode()).hexdigest()
     with suppress(OSError):
         folder = cache_folder()
         folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
-        if not (why := distrusted(folder)):
-            return intact(folder, digest) or compiled(text, (*compiler, *flags), folder, digest)
+        if not (why := why_distrusted(folder)):
+            return intact(folder, digest) or compile_library(text, (*compiler, *flags), folder, digest)
         _tell(f"{why} {ELSEWHERE}")
-    return intact(own_folder(), digest) or compiled(text, (*compiler, *flags), own_folder(), digest)
+    return intact(own_folder(), digest) or compile_library(text, (*compiler, *flags), own_folder(), digest)
 
 
 @cache
-def tuned(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
+def tuning_options(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
     """Options for this processor, and all that the compiler then says of itself and of the processor."""
     for more in FOR_THIS:
         with suppress(NativeError):
@@ -120,17 +120,17 @@ def tuned(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
     raise NativeError(f"`{' '.join(compiler)}` is not a compiler like gcc.")
 
 
-def distrusted(folder: Path) -> str:
+def why_distrusted(folder: Path) -> str:
     """Why others could put a library of theirs into a folder, in a sentence; nothing if they cannot.
 
     A folder that has nothing but libraries of ours becomes one that only its owner can read.
     """
     if os.name != "posix":
         return ""
-    if folder.lstat().st_uid not in trusted():
+    if folder.lstat().st_uid not in trusted_users():
         return f"`{folder}` belongs to another user."
     real, found = folder.resolve(), folder.stat()
-    if found.st_uid not in trusted():
+    if found.st_uid not in trusted_users():
         return f"`{folder}` belongs to another user."
     if found.st_mode & OTHERS_WRITE:
         return f"`{folder}` can be written by other users: run `chmod 700` on it."
@@ -144,7 +144,7 @@ def distrusted(folder: Path) -> str:
     return ""
 
 
-def trusted() -> tuple[int, ...]:
+def trusted_users() -> tuple[int, ...]:
     """Users whose files may be loaded: one's own, and the one who can do everything anyway."""
     return os.geteuid(), 0
 
@@ -152,7 +152,7 @@ def trusted() -> tuple[int, ...]:
 def intact(folder: Path, digest: str) -> Path | None:
     """The file of a library, if there is one as it was compiled."""
     for file in sorted(folder.glob(f"{PREFIX}{digest}*{ENDING}")):
-        if file.name == named(digest, content_of(file)):
+        if file.name == file_name(digest, content_of(file)):
             with suppress(OSError):
                 os.utime(file)
             return file
@@ -164,18 +164,18 @@ def content_of(file: Path) -> bytes:
     found = file.lstat()
     if not stat.S_ISREG(found.st_mode):
         return b""
-    if os.name == "posix" and (found.st_uid not in trusted() or found.st_mode & OTHERS_WRITE):
+    if os.name == "posix" and (found.st_uid not in trusted_users() or found.st_mode & OTHERS_WRITE):
         _tell(f"`{file}` belongs to other users or can be written by them, so it is not loaded but compiled again.")
         return b""
     return file.read_bytes()
 
 
-def named(digest: str, content: bytes) -> str:
+def file_name(digest: str, content: bytes) -> str:
     """Name of the file of a library."""
     return f"{PREFIX}{digest}-{hashlib.sha256(digest.encode() + content).hexdigest()[:32]}{ENDING}"
 
 
-def compiled(text: str, command: Sequence[str], folder: Path, digest: str) -> Path:
+def compile_library(text: str, command: Sequence[str], folder: Path, digest: str) -> Path:
     """Compile a source into a file of a folder, which is complete or absent."""
     tidy(folder)
     with tempfile.TemporaryDirectory(dir=folder, prefix=PREFIX) as work:
@@ -183,7 +183,7 @@ def compiled(text: str, command: Sequence[str], folder: Path, digest: str) -> Pa
         part.with_suffix(".c").write_text(text, encoding="utf-8")
         run((*command, *SHARED, str(part.with_suffix(".c")), "-o", str(part), *(() if ENDING == ".dll" else ("-lm",))))
         part.chmod(PRIVATE)
-        file = folder / named(digest, part.read_bytes())
+        file = folder / file_name(digest, part.read_bytes())
         if file.is_dir() and not file.is_symlink():
             shutil.rmtree(file)
         return part.replace(file)

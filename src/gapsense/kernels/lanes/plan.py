@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from gapsense.kernels.emit.lanes import is_array
 from gapsense.kernels.lanes.code import NUMBERS, WHOLE, Code, Record, Value
-from gapsense.kernels.lanes.library import HERE, address, addresses, loaded, with_types
+from gapsense.kernels.lanes.library import HERE, address, addresses, load_library, with_types
 from gapsense.kernels.layout import ARRAYS
 
 TAKE, KEEP, OWN = 0, 1, 2  # functions: a number from a column, a number into a column, the first one that is recorded
@@ -62,7 +62,7 @@ class Plan:
     @cached_property
     def library(self) -> ctypes.CDLL | None:
         """What calls the compiled functions; None if Python has to do."""
-        caller = loaded(with_types((HERE / "run.c").read_text(encoding="utf-8")))
+        caller = load_library(with_types((HERE / "run.c").read_text(encoding="utf-8")))
         return caller if caller and self._addresses is not None else None
 
     @cached_property
@@ -103,7 +103,7 @@ class Plan:
     def _columns(self, runs: int, given: Mapping[str, Any]) -> list[Floats]:
         if given.keys() != self.given.keys():
             raise ValueError(f"columns {', '.join(given)} found, {', '.join(self.given)} expected. Correct them.")
-        made = {name: _checked(name, self.given[name], value, runs) for name, value in given.items()}
+        made = {name: _check_column(name, self.given[name], value, runs) for name, value in given.items()}
         made |= {NUMBERS: self.numbers, **self._tables}
         made |= {name: np.zeros((size, runs)) for name, size in self.record.memories.items()}
         made[KEPT] = np.full((len(self.kept), runs), np.nan)
@@ -152,7 +152,7 @@ def _values(record: Record, name: str, size: int | Array) -> Any:
     return tuple(Value(record, name, row) for row in range(size))
 
 
-def _checked(name: str, size: int | Array, value: Any, runs: int) -> Any:
+def _check_column(name: str, size: int | Array, value: Any, runs: int) -> Any:
     """A column of the right shape."""
     is_ready = isinstance(value, np.ndarray) and value.dtype == np.float64 and value.ndim
     array: Any = value if is_ready else np.atleast_1d(np.asarray(value, float))
