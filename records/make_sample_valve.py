@@ -43,7 +43,7 @@ def simulated(pulses: Sequence[float]) -> tuple[Vector, Vector]:
     count = FINE * round((REST + len(pulses) * (ON + OFF)) / DT) + 1
     middle = (np.arange(count) + 0.5) * dt  # of the step that each voltage is held for
     u = driven(middle, pulses)
-    every = devices.driven(solenoid_valve, VALVE, u, dt, "current", "position")[::FINE]
+    every = devices.drive(solenoid_valve, VALVE, u, dt, "current", "position")[::FINE]
     return every[:, 0], every[:, 1]
 
 

@@ -302,7 +302,7 @@ def timed(contact, landing=LANDING, speed=1.1, noise=0.0, takeoff=80.0):
     for k in range(60, round(AGE)):
         mode = 3.0 if k < takeoff else 2.0 if k < contact else 1.0
         state = state._replace(running=state.running._replace(age=float(k)))
-        state = bend.located(state._replace(heard=note_contact(state, inputs(mode=mode))), PAR)
+        state = bend.locate_bend(state._replace(heard=note_contact(state, inputs(mode=mode))), PAR)
     return state
 
 

@@ -157,7 +157,7 @@ def test_comments_have_units_ranges_and_the_lines_of_the_kernel() -> None:
     files = make_texts([make_design(FOLDERS["semera"])])
     assert "float prior_resistance; /* [Ohm] Expected resistance at the start; at least 1e-09 */" in files["semera.h"]
     assert "float current; /* last current measurement that was not lost [A] */" in files["semera.h"]
-    assert "/* semera._seen: S = H @ (prior.cov @ H) + R */" in files["semera.c"]
+    assert "/* semera._see: S = H @ (prior.cov @ H) + R */" in files["semera.c"]
     assert "/* kalman.condition: K = Ph / pivot(" in files["semera.c"]
 
 

@@ -93,8 +93,8 @@ def find_hardest_bend(state: State, par: Parameters) -> Heard:
     return heard._replace(hardest=hardest, hit=hit)
 
 
-def located(state: State, par: Parameters) -> State:
-    """With the bend around the contact of an ordinary closing, which tells when the mover has stopped."""
+def locate_bend(state: State, par: Parameters) -> State:
+    """Locate the bend around the contact of an ordinary closing: it tells when the mover has stopped."""
     heard, running = state.heard, state.running
     since = running.age - heard.landing - heard.taken  # the contact
     is_on = (running.command * running.is_plain > 0.0) & (heard.landing > 0.0) & (since <= AROUND * running.piece)
@@ -105,14 +105,14 @@ def located(state: State, par: Parameters) -> State:
         weight = where(speed > 0.0, square(speed), 0.0)
         bent, moment = heard.bent + weight, heard.moment + weight * (at - since)
         is_told = since >= AROUND * running.piece
-        return bent, moment, *cond(is_told, lambda: _timed(state, bent, moment, par), lambda: before)
+        return bent, moment, *cond(is_told, lambda: _mean_delay(state, bent, moment, par), lambda: before)
 
     before = state.contact_late, state.late
     bent, moment, mean, late = cond(is_on, looked, lambda: (heard.bent, heard.moment, *before))
     return state._replace(heard=heard._replace(bent=bent, moment=moment), contact_late=mean, late=late)
 
 
-def _timed(state: State, bent: Scalar, moment: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+def _mean_delay(state: State, bent: Scalar, moment: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """How late the contact is in the mean [s], and in samples, if by more than a prompt one may seem to be."""
     is_quiet, piece = state.coil.noise < QUIET * AVERAGED * usual_current(par), state.running.piece
     found = moment / where(bent > CLEAR, bent, CLEAR)

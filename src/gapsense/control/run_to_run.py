@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, find_hardest_bend, located, piece, told_at
+from gapsense.control.bend import due, find_hardest_bend, locate_bend, piece, told_at
 from gapsense.control.coil import (
     AVERAGED,
     WARM,
@@ -85,7 +85,9 @@ TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer trav
 
 def turn_operation(state: State, inputs: Inputs, par: Parameters) -> State:
     """End an operation and begin the next one."""
-    state = cond(state.running.command > 0.5, lambda: _held(state, inputs, par), lambda: _end_cycle(state, inputs, par))
+    state = cond(
+        state.running.command > 0.5, lambda: _end_closing(state, inputs, par), lambda: _end_cycle(state, inputs, par)
+    )
     return update_warnings(_begin_operation(state, inputs, par))
 
 
@@ -114,7 +116,7 @@ def _end_operation(state: State, correction: Scalar, inputs: Inputs, par: Parame
     return cond(by_contact, lambda: learning.begin_pass(told, half, correction, inputs.impact_speed, par), lambda: told)
 
 
-def _held(state: State, inputs: Inputs, par: Parameters) -> State:
+def _end_closing(state: State, inputs: Inputs, par: Parameters) -> State:
     """End a closing; an ordinary one tells the resistance."""
     coil, is_plain = state.coil, state.running.is_plain > 0.0
     R = where(is_plain, held_resistance(coil, par), coil.resistance)
@@ -139,11 +141,11 @@ def _end_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
 
 def _begin_first_cycle(state: State, par: Parameters) -> State:
     """Begin the first cycle."""
-    state = _unlearnt(state, 0.0, par)
+    state = _forget_operations(state, 0.0, par)
     return state._replace(coil=state.coil._replace(flux=0.0, charge=0.0, passed=0.0), cycles=1.0)
 
 
-def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
+def _forget_operations(state: State, missed: Scalar, par: Parameters) -> State:
     """Forget both operations; with one missed, the next ones are ordinary if none was soft yet."""
     known = state.laws
     for half, travel in ((CLOSING, par.closing_travel), (OPENING, par.opening_travel)):
@@ -151,17 +153,17 @@ def _unlearnt(state: State, missed: Scalar, par: Parameters) -> State:
     return state._replace(laws=known, course=state.course._replace(last=-1.0))
 
 
-def _handed_over(state: State, inputs: Inputs, par: Parameters) -> State:
+def _hand_over(state: State, inputs: Inputs, par: Parameters) -> State:
     """Hand over to the estimator, if there is one, where landings by contact are or would be hard again and again."""
     is_hard = (state.landed_hard >= HARD_ROW) | _is_noisy(state, par)
     is_due = (state.by_model < 1.0) & is_hard & _is_told(state, inputs, par)
     handed = state._replace(by_model=1.0, landed_hard=0.0)
-    return cond(is_due, lambda: _unlearnt(handed, 0.0, par), lambda: state)
+    return cond(is_due, lambda: _forget_operations(handed, 0.0, par), lambda: state)
 
 
 def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     followed = state.by_model
-    state = _handed_over(state, inputs, par)
+    state = _hand_over(state, inputs, par)
     is_plain, by_contact = state.running.is_plain > 0.0, state.by_model < 1.0
     coil: Coil = cond(is_plain, lambda: learn_zero(state.coil, par), lambda: state.coil)
     is_open = (inputs.mode == UPPER) | (inputs.mode < LOWER)
@@ -174,7 +176,7 @@ def _next_cycle(state: State, inputs: Inputs, par: Parameters) -> State:
     state = _end_operation(state, used - coil.resistance, inputs, par)
     is_off = fabs(coil.zero - state.coil.zero) > OFFSET * usual_current(par)
     is_off = is_off | (fabs(coil.voltage_zero - state.coil.voltage_zero) > SHIFTED * par.voltage_most)
-    state = cond(by_contact & is_off, lambda: _unlearnt(state, 1.0, par), lambda: state)
+    state = cond(by_contact & is_off, lambda: _forget_operations(state, 1.0, par), lambda: state)
     is_grown = ((state.cycles == YOUNG) | (state.since_plain == YOUNG)) & not_(is_scarce(state.coil, par))
     known = cond(is_grown, lambda: _forget_youth(state.laws, par), lambda: state.laws)
     return state._replace(
@@ -363,7 +365,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     state, u = track_plan(state, par)
     state = state._replace(coil=state.coil._replace(asked=u))
     state = state._replace(heard=find_hardest_bend(state, par))
-    state = located(state, par)
+    state = locate_bend(state, par)
     state = learn_from_estimator(state, inputs, par)
     return cond(state.by_model > 0.0, lambda: state, lambda: learning.work(state, par)), _outputs(state, u)
 

@@ -16,7 +16,7 @@ typedef struct {
     int (*unboxed)(PyObject *object, void *values, size_t k);
 } Kind;
 
-/* Bytes that are not UTF-8 are themselves again when they come back, see `encoded` in loader.py. */
+/* Bytes that are not UTF-8 are themselves again when they come back, see `encode` in loader.py. */
 static PyObject *decoded(fmi2String text)
 {
     return py.PyUnicode_DecodeUTF8(text, (ssize_t)strlen(text), "surrogateescape");
@@ -109,7 +109,7 @@ static PyObject *gotten(Instance *instance, Kind *kind, const fmi2ValueReference
     PyObject *found = call_slave(instance, &kind->get, list_of(nvr, vr, boxed_reference), NULL);
     if (kind != &STRING || !found)
         return found;
-    PyObject *texts = py.PyObject_CallMethod(loader, "encoded", "(N)", found);
+    PyObject *texts = py.PyObject_CallMethod(loader, "encode", "(N)", found);
     py.Py_DecRef(instance->texts);
     instance->texts = texts;
     py.Py_IncRef(texts);
