@@ -60,7 +60,7 @@ def write_atomically(path: Path, write: Write) -> None:
 
 @contextmanager
 def prepare_file(path: Path, write: Write) -> Iterator[Path]:
-    """A file beside `path` with what is to be there, for `rename`; it is removed if that does not happen."""
+    """Write a file beside `path`, for `rename`; it is removed if that does not happen."""
     clean(path.parent.resolve())
     with naming(path):
         mine = held(lambda: new_part(path))
@@ -190,7 +190,7 @@ def read_sheet(path: Path, problems: list[str], content: bytes | None = None) ->
 
 
 def why_unreadable(error: Exception) -> str:
-    """Why a text cannot be read, without a character of it."""
+    """Say why a text cannot be read, without a character of it."""
     return f"byte {error.start} is not UTF-8" if isinstance(error, UnicodeDecodeError) else str(error)
 
 
@@ -205,7 +205,7 @@ def twice(path: Path, names: Sequence[str]) -> list[str]:
 
 
 def ragged_lines(path: Path, width: int, lines: Sequence[tuple[int, list[str]]]) -> list[str]:
-    """Sentences on the first lines with more or fewer cells than there are columns."""
+    """Say which first lines have more or fewer cells than there are columns."""
     wrong = [(n, len(row)) for n, row in lines if len(row) != width]
     told = [f"{path}, line {n}: {count} values found, {width} expected. Correct it." for n, count in wrong[:SHOWN]]
     return told + more(path, len(wrong), "lines have a wrong number of values")
@@ -316,7 +316,7 @@ def state(path: Path) -> tuple[int, int, int]:
 
 
 def remember(read: Callable[..., T]) -> Callable[..., T]:
-    """A function of a file, and of more, that reads the file again only if it has changed."""
+    """Wrap a function of a file, and of more, so that it reads the file again only if that has changed."""
     known = lru_cache(maxsize=256)(lambda path, _, *more: read(path, *more))
     return wraps(read)(lambda path, *more: known(path.resolve(), state(path), *more))
 
@@ -414,7 +414,7 @@ def fingerprint(facts: Any) -> str:
 
 
 def seal(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Facts as JSON has them, with their hash."""
+    """Facts as JSON, with their hash."""
     plain = json.loads(json.dumps(facts))
     return {**plain, SEAL: fingerprint(plain)}
 

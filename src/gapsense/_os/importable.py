@@ -37,7 +37,7 @@ def importable_name(function: Callable[..., Any]) -> str:
 
 
 def import_function(name: str) -> Any:
-    """Function called `module:function`."""
+    """Import the function called `module:function`."""
     module, _, function = name.partition(":")
     return getattr(importlib.import_module(module), function)
 

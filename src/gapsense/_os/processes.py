@@ -211,7 +211,7 @@ def has(pid: int, mark: bytes) -> bool:
 
 
 def map_numbers(file: Path) -> Marks:
-    """Whole numbers of a file in shared memory."""
+    """Map whole numbers of a file into shared memory."""
     with file.open("r+b") as opened:
         return memoryview(mmap.mmap(opened.fileno(), 0)).cast("q")
 

@@ -67,7 +67,7 @@ def lossy(f: Scalar, lam: Scalar, held: Any, core: Any) -> Scalar:
 
 
 def advance_hysteresis(h: Scalar, lam: Scalar, change: Scalar, core: Any) -> Scalar:
-    """State h after a `change` of the flux linkage from `lam`, exact for L as at its beginning."""
+    """State h after a `change` of the flux linkage from `lam`; exact for L as at its beginning."""
 
     def turned() -> Scalar:
         rest = 1.0 - SHORTER * square(lam / core.lam_sat)

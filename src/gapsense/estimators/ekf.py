@@ -168,7 +168,7 @@ def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[H
 
 
 def _signs(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen:
-    """Signs of bad health in a sample: the current error at rest, a position held at a stop during a motion.
+    """Find signs of bad health in a sample: the current error at rest, a position held at a stop during a motion.
 
     Two signs tell that the device is another one: the contact is far from where the mover is believed to be, or a stop
     seems to pull at a mover that a spring presses on it or off it. Without a spring nothing is known of the force on
@@ -235,7 +235,7 @@ def forward(before: Gaussian, held: Held, measured: Measured, m: Model, tuned: T
 
 
 def _fix_on_stop(estimate: Gaussian, position: Scalar) -> Gaussian:
-    """The estimate at rest on a stop: the position is certain, and the position before it does not matter."""
+    """Fix the estimate at rest on a stop: the position is certain, and the position before it does not matter."""
     x, P = estimate.mean.copy(), estimate.cov.copy()
     x[POSITION] = position
     for k in (POSITION, POSITION_PREV):
@@ -244,7 +244,7 @@ def _fix_on_stop(estimate: Gaussian, position: Scalar) -> Gaussian:
 
 
 def _update(prior: Gaussian, held: Held, measured: Measured, m: Model, tuned: Tuning) -> Pass:
-    """On a stop the position is measured as well, without noise (27)-(29); a lost or wild current corrects nothing."""
+    """Correct by the current, and on a stop by its position (27)-(29); a lost or wild current corrects nothing."""
     h, H = linearise(observation, prior.mean, m, held)
     R = square(tuned.noise_current)
     S = H[0] @ (prior.cov @ H[0]) + R

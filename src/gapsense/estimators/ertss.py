@@ -276,7 +276,7 @@ def _landing(
 def _note_bounces(
     landing: Landing, last: Operation, found: Estimate, end: Estimate, stop: Scalar, m: Model
 ) -> kinks.Told:
-    """What is known of bounces after this sample."""
+    """Note what a sample tells of bounces."""
     before, after, time = Gaussian(*found), Gaussian(*end), last.rest_time - last.landing_time
 
     def learnt() -> kinks.Told:
@@ -327,7 +327,7 @@ def backward(filtered: Gaussian, held: Held, later: Gaussian, m: Model, tuned: T
 
 
 def fix_on_stop(at: Gaussian, stop: Scalar) -> Estimate:
-    """The estimate, told that the mover is on its stop."""
+    """Estimate, given that the mover is on its stop."""
     return Estimate(*fix(at, POSITION, stop))
 
 
@@ -343,7 +343,7 @@ def impact(x: Array, stop: Scalar, time: Scalar, m: Model) -> tuple[Scalar, Scal
 
 
 def _store(samples: Array, turn: motions.Turn, values: Sample | Estimate, room: motions.Room) -> Array:
-    """The memory with a sample, or with its estimate, when its turn has come."""
+    """Store a sample, or its estimate, when its turn has come."""
 
     def kept() -> Array:
         kept, start = samples, motions.slot(turn.place, room) * WIDTH

@@ -385,7 +385,7 @@ def _meets(s: Scalar, v: Scalar, q: Scalar, mod: Model, tun: Tuning) -> tuple[Sc
 
 
 def _land(estimate: Hybrid, mod: Model, tun: Tuning) -> Hybrid:
-    """On the stop if the armature meets one, with the flux linkage that it has: the landing is late, or early."""
+    """Put the armature on the stop that it meets, with its flux linkage: the landing is late, or early."""
     (i, s, v), P, q = estimate
     is_up, is_down = _meets(s, v, q, mod, tun)
 
@@ -410,7 +410,7 @@ def moving(y: Array, held: Held, mod: Model) -> Array:
 
 
 def extrapolate(x: Array, held: Held, mod: Model) -> Array:
-    """(i, s, v) after `dt` in the air by (4), a step of Euler, but in flux linkage; for the Jacobian of (5)."""
+    """Advance (i, s, v) by `dt` in the air by (4), an Euler step in flux linkage; for the Jacobian of (5)."""
     i, s, v = x
     y = vector([i / (mod.path + mod.slope * s), s, v])
     psi, s, v = y + held.dt * rates(y, held, mod)
@@ -428,7 +428,7 @@ def rates(y: Array, held: Held, mod: Model) -> Array:
 
 
 def _correct(prior: Hybrid, innovation: Scalar, mod: Model, tun: Tuning) -> Hybrid:
-    """(6) to (8) in Joseph form; in the air the position is then projected between the stops."""
+    """Correct by (6) to (8) in Joseph form; in the air the position is then projected between the stops."""
     x, P, q = prior
 
     def on_a_stop() -> Hybrid:

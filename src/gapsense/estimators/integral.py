@@ -162,7 +162,7 @@ def _readings(u: Scalar, i: Scalar, inputs: Inputs, par: Parameters) -> tuple[Sc
 
 
 def _open_operation(state: State, time: Scalar, u: Scalar, par: Parameters) -> State:
-    """At a rising edge of the voltage, a new operation with the resistance of the one that has ended.
+    """Begin a new operation at a rising edge of the voltage, with the resistance of the one that has ended.
 
     An operation with lost readings leaves the resistance as it is, but the third in a row does not: it would go on
     being out of date.  A reading lost just before the edge counts for both, because the edge may have been there.
@@ -198,7 +198,7 @@ def _level(highest: Scalar, par: Parameters) -> Scalar:
 
 
 def _add_sample(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
-    """The sample added to the sums (line 5), and kept."""
+    """Add the sample to the sums (line 5), and keep it."""
     su, si, count = state.voltage_sum + u, state.current_sum + i, state.count + 1.0
     slot = where(count <= LENGTH, state.half * LENGTH + count - 1.0, SPARE)
     return state._replace(
@@ -216,7 +216,7 @@ def _add_sample(state: State, u: Scalar, i: Scalar, is_lost: Scalar) -> State:
 
 
 def _replay_sample(state: State, par: Parameters) -> Sample:
-    """The sample of the previous operation that corresponds to this one."""
+    """Sample of the previous operation that corresponds to this one."""
     count = state.count
     is_replayed = count <= state.last_count
     k = where(is_replayed, (1.0 - state.half) * LENGTH + count - 1.0, SPARE)

@@ -86,7 +86,7 @@ def surprise(before: Scalar, innovation: Scalar, std: Scalar, samples: Scalar) -
 
 
 def normalise(innovation: Scalar, std: Scalar) -> Scalar:
-    """An innovation in standard deviations; 0 where none is expected."""
+    """Innovation in standard deviations; 0 where none is expected."""
     is_known = std > 0.0
     return where(is_known, innovation / where(is_known, std, 1.0), 0.0)
 

@@ -106,14 +106,14 @@ def nothing() -> Kink:
 
 
 def no_kink() -> Told:
-    """Nothing."""
+    """Kink of which nothing is known."""
     return Told(free=BEYOND_FREE, restitution=0.0)
 
 
 def seek(
     kink: Kink, motion: Motion, current: Scalar, before: ekf.State, now: ekf.State, m: Model, par: ekf.Parameters
 ) -> Kink:
-    """With the reading of one sample more; `motion` is that before it."""
+    """Look for a kink with the reading of one more sample; `motion` is that before it."""
     most = readings.most_current(par.range_current, par.range_voltage, par.coil_resistance)
     is_read = readings.can_be_read(current, most) & (now.watch.far < 0.5)
     shifted = vector([where(is_read, current, kink.currents[0]), *kink.currents[:-1]])
@@ -239,7 +239,7 @@ def hidden_impact(
 
 
 def judge_landing(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ekf.Parameters) -> Verdict:
-    """A landing on `stop`; `at` is the estimate at the supposed impact, `told` what the landings before it have told.
+    """Judge a landing on `stop`; `at` is the estimate at the supposed impact, `told` what earlier landings have told.
 
     Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
     error: if the estimate was on the stop well before the contact, so was the mover.  How well depends on whether the

@@ -132,7 +132,7 @@ def to_keep(now: Followed, c: Contact) -> Turn:
 
 
 def join(queue: Queue, now: Followed, c: Contact) -> Queue:
-    """The queue with the motion, if it lands: with as many of its last samples as there is room for."""
+    """Add a motion that lands to the queue, with as many of its last samples as there is room for."""
     motion, lands, _ = now
 
     def landed() -> Queue:

@@ -132,7 +132,7 @@ UNDRIVEN = Held(0.0, 3.0)
 
 
 def normalise_model(par: Parameters) -> Model:
-    """The model for physical parameters: (17)."""
+    """Normalised model for physical parameters: (17)."""
     l_z = par.stop_upper - par.stop_lower
     area, scale = square(l_z), l_z / square(par.coil_turns)
     return Model(

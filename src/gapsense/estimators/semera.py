@@ -161,7 +161,7 @@ def _held(state: State, i: Scalar, par: Parameters, form: Form) -> tuple[State, 
 
 
 def _filter(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[State, Outputs]:
-    """Lines 5 to 16."""
+    """Do lines 5 to 16."""
     u, i = inputs
     band = par.gate_sigmas * par.noise_current
     is_outside = fabs(i) > band
@@ -180,7 +180,7 @@ def _filter(state: State, inputs: Inputs, par: Parameters, form: Form) -> tuple[
 
 
 def _see(prior: Gaussian, inputs: Inputs, i_prev: Scalar, par: Parameters) -> Seen:
-    """Lines 8 to 10, in Joseph form: in float32 the printed one spoils r."""
+    """Do lines 8 to 10, in Joseph form: in float32 the printed one spoils r."""
     (u, i), dt = inputs, par.sample_time
     H = vector([i, i / dt, -i_prev / dt])  # (11)
     R = square(par.noise_voltage)  # sigma_v only: (15) is derived, but Algorithm 1 does not use it

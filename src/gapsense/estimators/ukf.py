@@ -281,7 +281,7 @@ def _model(par: Parameters, resistance: Scalar) -> Model:
 
 
 def _predict(before: Gaussian, held: Held, m: Model, par: Parameters) -> tuple[Gaussian, Scalar]:
-    """State and current together, before the current is measured: mean (5,) and covariance (5, 5); and hysteresis."""
+    """Predict state and current, before the current is measured: mean (5,) and covariance (5, 5); and hysteresis."""
     noise = _process_noise(par)
     return cond(
         (par.option_filter == Filter.bounded_ekf) | (par.option_filter == Filter.open_loop),
@@ -295,7 +295,7 @@ def _predict(before: Gaussian, held: Held, m: Model, par: Parameters) -> tuple[G
 
 
 def _correct(joint: Gaussian, innovation: Scalar, is_measured: Scalar, par: Parameters) -> Gaussian:
-    """The state given the current, or as predicted."""
+    """Correct the state by the current; without one it stays as predicted."""
     return cond(
         is_measured,
         lambda: condition_on_last(joint, innovation, square(par.noise_current)),
@@ -324,7 +324,7 @@ def _additive(before: Gaussian, held: Held, m: Model, noise: Array, par: Paramet
 
 
 def _observe(prior: Gaussian, held: Held, m: Model, par: Parameters) -> Gaussian:
-    """State and current together, from points in which the position is clipped once more: w_z stays in the bounds."""
+    """State and current together, from points with the position clipped once more: w_z stays in the bounds."""
 
     def seen(x: Array) -> Array:
         z = clip(x[POSITION], m.low, m.high)
@@ -345,7 +345,7 @@ def _observe(prior: Gaussian, held: Held, m: Model, par: Parameters) -> Gaussian
 
 
 def _augment(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
-    """Algorithms 2 and 3 on one set of points in the space of the state and w_phi, w_z, w_i."""
+    """Do algorithms 2 and 3 on one set of points in the space of the state and w_phi, w_z, w_i."""
     x = bound_positions(before.mean, m)
     lam_next = transition(x, held, segment(x[POSITION], par), m)[FLUX_LINKAGE]
     then = after(held, x[FLUX_LINKAGE], lam_next, m)
@@ -367,7 +367,7 @@ def _augment(before: Gaussian, held: Held, m: Model, noise: Array, par: Paramete
 
 
 def _linearise(before: Gaussian, held: Held, m: Model, noise: Array, par: Parameters) -> tuple[Gaussian, Scalar]:
-    """As in the extended filter; while the position is clipped, its derivatives are zero."""
+    """Linearise as in the extended filter; while the position is clipped, its derivatives are zero."""
     x, F = linearise(transition, before.mean, held, segment(before.mean[POSITION], par), m)
     then = after(held, before.mean[FLUX_LINKAGE], x[FLUX_LINKAGE], m)
     P = predict(before.cov, F, diagonal(noise))

@@ -192,7 +192,7 @@ def _froehlich(x: Scalar, core: Scalar) -> tuple[Scalar, Scalar]:
 
 
 def bound_positions(x: Array, m: Model) -> Array:
-    """State with both positions between the stops (29)."""
+    """Bound both positions by the stops (29)."""
     z, z_prev = (clip(x[k], m.low, m.high) for k in (POSITION, POSITION_PREV))
     return vector([x[FLUX_LINKAGE], z, z_prev, x[CURRENT_ERROR]])
 

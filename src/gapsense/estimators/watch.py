@@ -145,7 +145,7 @@ class Now(NamedTuple):
 
 
 def nothing_known() -> Usual:
-    """No operation so far."""
+    """Watch without an operation so far."""
     return blank(Usual, surprise=1.0, learnt=float(HALF))
 
 
@@ -165,7 +165,7 @@ def patient(most: Scalar, far: Scalar) -> Scalar:
 
 
 def count(before: Scalar, is_so: Scalar) -> Scalar:
-    """For how many samples in a row something is so."""
+    """Count for how many samples in a row something is so."""
     return where(is_so, before + 1.0, 0.0)
 
 
@@ -175,7 +175,7 @@ def lasting(before: Scalar, is_so: Scalar, is_over: Scalar) -> Scalar:
 
 
 def follow(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
-    """One sample more.  An operation ends where the mover leaves another stop than before, not where it bounces."""
+    """Follow one more sample. An operation ends where the mover leaves another stop than before, not at a bounce."""
     innovation = near(seen.innovation, seen.innovation_std)
     surprised = surprise(before.surprise, innovation, seen.innovation_std, limits.samples)
     surprised = where(seen.is_used, surprised, before.surprise)
@@ -210,7 +210,7 @@ def follow(before: Watch, seen: Seen, most: Scalar, limits: Limits) -> Watch:
 
 
 def compare_with_usual(before: Usual, now: Now, limits: Limits, alike: float, evident: float) -> Usual:
-    """One sample more.  What is usual is learnt from operations without a sign.
+    """Compare one more sample with what is usual, which is learnt from operations without a sign.
 
     They are alike but for noise if no variance is more than `alike` times that of noise.  Means that are not far from
     their curves add up to evidence, of which `evident` is a sign.
@@ -297,7 +297,7 @@ class Bent(NamedTuple):
 
 
 def _find_supply(before: Usual, now: Now, is_over: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-    """Samples with a voltage, the supply, that which last pulled the mover, and the stop that it left first."""
+    """Find the samples with a voltage, the supply, that which last pulled the mover, and the stop it left first."""
     is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
     on = where(is_on, 1.0, where(now.is_edge | not_(before.on > 0.0), 0.0, before.on + 1.0))
     supply = before.supply + (fabs(now.voltage) - before.supply) / larger(on, 1.0)
@@ -317,7 +317,7 @@ def _curve(curves: Array, at: Scalar) -> Curve:
 
 
 def _fit_parabola(curve: Curve) -> Bent:
-    """The parabola of a curve, by one elimination."""
+    """Fit a parabola to a curve, by one elimination."""
     straight, bowed = (flat / larger(curve.n, 1.0) for flat in FLAT)
     spread = curve.supply_var + straight
     slope, tilt = curve.supply_error / spread, curve.supply_square / spread

@@ -117,7 +117,7 @@ def prepare_component(folder: Path, given: Mapping[str, Any]) -> Prepared:
 
 
 def with_start_values(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
-    """The component with these start values of its parameters, and the files of tables to put into its resources."""
+    """Component with these start values of its parameters, and the table files for its resources."""
     files = {Path(given[p.name]).name: Path(given[p.name]) for p in component.ports if p.columns and p.name in given}
     ports = tuple(_started(port, given[port.name]) if port.name in given else port for port in component.ports)
     resources = tuple(dict.fromkeys((*component.resources, *files)))

@@ -70,7 +70,7 @@ def html(component: Component, markdown: str, version: str, picture: str = "", r
 
 
 def list_chapters(body: str) -> str:
-    """A list of the chapters, which have anchors, before them."""
+    """Put a list of the chapters, which have anchors, before them."""
     titles = re.findall(r"<h2>(.*?)</h2>", body)
     names = [re.sub(r"\W+", "-", re.sub(r"<.*?>", "", title).lower()).strip("-") for title in titles]
     for title, name in zip(titles, names):
@@ -102,7 +102,7 @@ def part_text(markdown: str) -> tuple[str, dict[str, str]]:
 
 
 def box_tables(text: str) -> str:
-    """Tables that are too wide for the window scroll in a box of their own."""
+    """Put tables that are too wide for the window into a box of their own that scrolls."""
     return text.replace("<table>", '<div class="wide"><table>').replace("</table>", "</table></div>")
 
 

@@ -56,7 +56,7 @@ def outer(a: Any, b: Any) -> Any:
 
 
 def sweep(A: Any) -> Any:
-    """A symmetric positive definite matrix with its first row and column swept, and moved to the end.
+    """Sweep the first row and column of a symmetric positive definite matrix, and move them to the end.
 
     After as many turns as it has rows, the result is minus its inverse, with the rows in their old order.
     """

@@ -51,7 +51,7 @@ def compute_missing(
     keep: Callable[[Sequence[Entry]], None],
     progress: Progress | None,
 ) -> tuple[int, bool]:
-    """Let an executor do the missing ones of `total` runs; how many were done, and whether Ctrl-C ended it."""
+    """Let an executor do the missing ones of `total` runs; return how many were done, and whether Ctrl-C ended it."""
     tell, before, count = progress or (lambda done, total: None), total - len(missing), 0
 
     def take(came: Sequence[Entry]) -> None:

@@ -213,7 +213,7 @@ def is_range(table: Table, own: Mapping[str, Any]) -> bool:
 
 
 def space_values(own: Mapping[str, Any]) -> list[Any]:
-    """Values of a range, whole numbers where these are meant."""
+    """Space the values of a range; they are whole numbers where these are meant."""
     first, last, count = own["from"], own["to"], own["count"]
     if own["spacing"] == "log":
         return list(np.geomspace(first, last, count).tolist())
@@ -363,7 +363,7 @@ def own_problems(study: Study, scenario: Scenario) -> list[str]:
 
 
 def translate_problems(found: Iterable[str], study: Study, file: str) -> list[str]:
-    """Problems of the scenario, at the place of the study file where that gives the value; of many alike the first."""
+    """Move problems of the scenario to the place in the study file that gives the value; keep the first of many."""
     told: dict[str, list[str]] = {}
     for problem in (rename_problem(problem, study, file) for problem in found):
         told.setdefault(NUMBERS.sub("", problem), []).append(problem)
@@ -374,7 +374,7 @@ def translate_problems(found: Iterable[str], study: Study, file: str) -> list[st
 
 
 def rename_problem(problem: str, study: Study, file: str) -> str:
-    """A problem with the place in the study file, if that gives the value."""
+    """Give a problem its place in the study file, if that gives the value."""
     for port, place in study.places.items():
         for end in (":", " ("):
             head = f"{file}, sweep.{port}{end}"

@@ -201,7 +201,7 @@ class Store:
 
 
 def seal(place: int, content: bytes, bits: int = 0) -> bytes:
-    """A content with its place in front and its checksum behind."""
+    """Put the place in front of a content, and its checksum behind."""
     whole = HEAD.pack(place, bits) + content
     return whole + crc32(whole).to_bytes(4, "little")
 

@@ -95,7 +95,7 @@ def correlations(campaign: Campaign) -> dict[str, list[Leading]]:
 
 
 def sample_columns(campaign: Campaign, names: Sequence[str]) -> dict[str, Vector]:
-    """Columns of some runs, drawn with one seed for ever."""
+    """Draw some runs' columns, with a fixed seed."""
     random, part = np.random.default_rng(0), min(1.0, SAMPLED / campaign.rows)
     parts: list[list[Vector]] = []
     for batch in campaign.arrays(*names):
@@ -139,7 +139,7 @@ def levels(campaign: Campaign, name: str) -> list[Any] | None:
 
 
 def group_metric(campaign: Campaign, factor: str, metric: str, values: Sequence[Any]) -> list[Group]:
-    """A metric at each value of a parameter."""
+    """Group a metric by the values of a parameter."""
     given, numbers = zip(*campaign.arrays(factor, metric))
     code, number = np.concatenate(given), np.concatenate(numbers)
     return [Group(value, quantiles(number[code == value], LEVELS[1:4])) for value in values]

@@ -36,7 +36,7 @@ Loop, Runs, Signal = MADE["Loop"], MADE["Runs"], MADE["Signal"]
 
 
 def fill_structure(structure: Any, **fields: Any) -> Any:
-    """A structure of C, which keeps its arrays; a list becomes one, and its length is put into the field behind it."""
+    """Fill a C structure, which keeps its arrays; a list becomes one, and its length goes into the field behind it."""
     given, kinds = {**fields}, structure._fields_
     for (name, kind), (count, _) in zip(kinds, kinds[1:]):
         if isinstance(fields.get(name), list):
@@ -221,7 +221,7 @@ def results(code: Code) -> list[Any]:
 
 
 def call(found: Functions, which: int, taken: Sequence[int], made: Sequence[int]) -> Any:
-    """A call of C of a function; arrays that it returns stay where they are."""
+    """Call a C function; arrays that it returns stay where they are."""
     code: Code = found.codes[which]
     at = ints([*taken, *(place for entry, place in zip(results(code), made) if not is_array(entry))])
     return Call(found.addresses[which], at, code.c.constants.ctypes.data)

@@ -471,7 +471,7 @@ def advance(p: Point, voltage: Scalar, m: Model, seen: Bouncing = NO_BOUNCE) -> 
 
 
 def _stop(p: Point, free: Scalar, rests: Scalar, m: Model) -> tuple[Scalar, Scalar]:
-    """Position after a sampling period, `free` if there were no stops, and the velocity that a stop has left."""
+    """Stop a free motion: position after a sampling period (`free` without stops), and the velocity that is left."""
     within, is_outside = clip(free, m.lower, m.upper), (p.position < m.lower) | (p.position > m.upper)
     meets = m.bounces & (rests | is_outside | not_(within == free))
     return cond(meets, lambda: _turn_round(p, free, rests, m), lambda: (where(rests, p.position, within), 0.0))

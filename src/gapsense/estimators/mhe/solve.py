@@ -742,7 +742,7 @@ def _trends(before: Learnt, d: Array, moved: Scalar, par: Parameters) -> list[Sc
 
 
 def _expected_change(trends: Sequence[Scalar]) -> list[Scalar]:
-    """What the next operation will change of them."""
+    """Change that the next operation is expected to make."""
     noise = [UNSTEADY * RESTLESS[k] for k in SUDDEN]
     return [mean - clip(mean, -most, most) for mean, most in zip(trends, noise)]
 

@@ -255,7 +255,7 @@ def _decide(state: State, par: Parameters) -> State:
 
 
 def _weigh_opening(profile: Array) -> Array:
-    """The opening counts no more than the closing before it: `Mhe` may be lost in it."""
+    """Weigh the opening no more than the closing before it: `Mhe` may be lost in it."""
     closing, opening = profile[:PHASES], profile[PHASES:]
     most, found = _length(closing), _length(opening)
     return vector([*closing, *(where(found > most, most / (found + LEAST), 1.0) * opening)])
@@ -369,7 +369,7 @@ def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
 
 
 def _wandered(state: State) -> Array:
-    """Learnt values since the baseline, in usual wanderings (3)."""
+    """Learnt values since the baseline, in multiples of their usual wandering (3)."""
     return (state.learnt.values - state.baseline.healthy) / state.learnt.wandering
 
 
@@ -430,7 +430,7 @@ def _length(x: Array) -> Scalar:
 
 
 def _given_baseline(par: Parameters) -> Baseline:
-    """The baseline of an earlier run; none with fewer windows than make one."""
+    """Baseline of an earlier run; none with fewer windows than make one."""
     is_whole = par.baseline_windows >= par.learn_windows
     usual, healthy = (vector([where(is_whole, x, 0.0) for x in given]) for given in (par.means, par.values))
     return Baseline(

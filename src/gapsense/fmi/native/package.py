@@ -108,7 +108,7 @@ def members_2(parts: Parts, binaries: Mapping[str, bytes], platforms: Sequence[s
 
 
 def shared_files(parts: Parts, platforms: Sequence[str], fmi: int) -> dict[str, bytes]:
-    """The files that have the same place whatever the version of FMI."""
+    """Files that have the same place whatever the version of FMI."""
     return {
         "documentation/index.html": documentation(parts, platforms, fmi).encode(),
         "documentation/licenses/license.txt": (package.HERE / "license.txt").read_bytes(),
@@ -119,7 +119,7 @@ def shared_files(parts: Parts, platforms: Sequence[str], fmi: int) -> dict[str, 
 
 
 def files_to_compile(sources: Mapping[str, bytes]) -> list[str]:
-    """The files among these that are to be compiled."""
+    """Files among these that are to be compiled."""
     return sorted(Path(name).name for name in sources if name.endswith(".c"))
 
 

@@ -74,7 +74,7 @@ def with_types(text: str) -> str:
 
 @cache
 def load_library(text: str) -> ctypes.CDLL | None:
-    """The library of a source; None, with a warning, where there is none."""
+    """Load the library of a source; None, with a warning, where there is none."""
     try:
         return ctypes.CDLL(str(build_library(text)))
     except (OSError, NativeError) as error:
@@ -121,7 +121,7 @@ def tuning_options(compiler: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
 
 
 def why_distrusted(folder: Path) -> str:
-    """Why others could put a library of theirs into a folder, in a sentence; nothing if they cannot.
+    """Say why others could put a library of theirs into a folder; empty if they cannot.
 
     A folder that has nothing but libraries of ours becomes one that only its owner can read.
     """
