@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from gapsense.control import laws
-from gapsense.control.coil import AVERAGED, open_flux, usual_current, wandering
+from gapsense.control.coil import AVERAGED, is_quiet, open_flux, usual_current, wandering
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import CLOSING, LONGEST, PIECES, Heard, Parameters, Running, State
@@ -44,7 +44,7 @@ HELD = 0.5  # of the flux linkage that balances the spring at the lower stop: wi
 UNKNOWN = 1e3  # error of what was not measured
 AROUND, SHORTER = 3.0, 0.6  # pieces in which the bend at a contact is looked for, two of them before it; their length
 PROMPT, LATE = 5e-6, 60e-6  # by which a contact comes after the bend; it is late from so much more on [s]
-CLEAR, QUIET = 2.0, 2.0  # sum of the squares of a bend that can be located [m^2/s^2]; noise, of that which is averaged
+CLEAR = 2.0  # sum of the squares of a bend that can be located [m^2/s^2]
 AGAIN = 0.3  # share of each ordinary closing but the first
 
 
@@ -114,9 +114,9 @@ def locate_bend(state: State, par: Parameters) -> State:
 
 def _mean_delay(state: State, bent: Scalar, moment: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """How late the contact is in the mean [s], and in samples, if by more than a prompt one may seem to be."""
-    is_quiet, piece = state.coil.noise < QUIET * AVERAGED * usual_current(par), state.running.piece
+    piece = state.running.piece
     found = moment / where(bent > CLEAR, bent, CLEAR)
-    is_told = is_quiet & (bent > CLEAR) & (square(found) < square(piece))
+    is_told = is_quiet(state.coil, par) & (bent > CLEAR) & (square(found) < square(piece))
     share = where(state.contact_late == 0.0, 1.0, AGAIN)
     mean = state.contact_late + where(is_told, share * (found * par.sample_time - state.contact_late), 0.0)
     samples = clip(floor((mean - PROMPT) / par.sample_time + 0.5), 0.0, piece)

@@ -26,6 +26,7 @@ TOP, APART = 0.3, 6.0  # share by which the mean of the last closings follows; f
 STEADIER, SOMEWHERE = 0.05, 2e-3  # the same if the current is noisy
 SLOWER = 0.1  # then: share by which the resistance and the first flux linkage follow, once there were so many cycles
 AVERAGED = 0.0075  # of the usual current: from such a noise on its means are used with a contact, and longer pieces
+QUIET = 2.0  # of that noise: with more the bend of the current tells no delay of a contact
 NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at first; over its mean change of a sample
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
@@ -129,6 +130,11 @@ def _bridge_gain(coil: Coil, u: Scalar, par: Parameters) -> Scalar:
 def usual_current(par: Parameters) -> Scalar:
     """Final current of an ordinary closing [A]."""
     return par.voltage_hold / par.coil_resistance
+
+
+def is_quiet(coil: Coil, par: Parameters) -> Scalar:
+    """Whether the noise of the current is small enough for the delay of a contact to be learnt."""
+    return coil.noise < QUIET * AVERAGED * usual_current(par)
 
 
 def driving(coil: Coil, par: Parameters) -> Scalar:

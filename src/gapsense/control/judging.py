@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gapsense.control import laws
 from gapsense.control.bend import is_of_core, landing_speed, moved_earlier, running_plan, tell_arrival
-from gapsense.control.coil import left_open, raise_hold, steadied_error, wandering
+from gapsense.control.coil import is_quiet, left_open, raise_hold, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
@@ -40,9 +40,12 @@ def update_warnings(state: State) -> State:
     return state._replace(warnings=total(bit * is_so for bit, is_so in zip(WARNINGS, noticed)))
 
 
-def note_contact(state: State, inputs: Inputs) -> Heard:
-    """Note the contact of a sample: the first landing, and the last take-off before it."""
-    late, is_closing = state.late, state.running.command > 0.5
+def note_contact(state: State, inputs: Inputs, par: Parameters) -> Heard:
+    """Note the contact of a sample: the first landing, and the last take-off before it.
+
+    The noise is known only after the first landing, so a delay that was learnt there may have to be dropped.
+    """
+    late, is_closing = where(is_quiet(state.coil, par), state.late, 0.0), state.running.command > 0.5
     told = [moved_earlier(at, late - state.heard.taken) for at in (state.heard.takeoff, state.heard.landing)]
     heard = state.heard._replace(takeoff=told[0], landing=told[1], taken=late)
     start, stop = where(is_closing, UPPER, LOWER), where(is_closing, LOWER, UPPER)

@@ -356,7 +356,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     )
     noted = state.noted._replace(lost=where(is_lost, 1.0, state.noted.lost))
     state = state._replace(coil=coil, running=running, noted=noted)
-    state = state._replace(heard=note_contact(state, inputs))
+    state = state._replace(heard=note_contact(state, inputs, par))
     is_command = (inputs.command > 0.5) | (inputs.command <= 0.5)  # else it is lost, and the last one goes on
     command = where(is_command, where(inputs.command > 0.5, CLOSING, OPENING), running.command)
     goes_on = command == running.command
