@@ -75,10 +75,8 @@ class Block:
     def __init__(self, made: Chain, first: int, count: int, par: Mapping[str, Any], given: Sequence[float]) -> None:
         width = library.loop().width()
         self.lanes = first + np.minimum(np.arange(width), count - 1)  # run of each; the last one where there is none
-        self.values, self.arrays = (
-            aligned_zeros(made.room.size, width),
-            [np.zeros((n, width)) for n in made.room.memories],
-        )
+        self.values = aligned_zeros(made.room.size, width)
+        self.arrays = [np.zeros((n, width)) for n in made.room.memories]
         self.values[[made.at[name] for name in made.given]] = np.reshape(given, (-1, 1))
         self.numbers: dict[str, int] = {}  # places of the parameters
         for part, at in zip(made.parts, made.places):

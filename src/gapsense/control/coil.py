@@ -237,7 +237,7 @@ def learn_resistance(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scal
     start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
     start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
     trend = where(cycles > YOUNG, coil.trend + TREND * ((R - coil.measured) - coil.trend), 0.0)
-    return _restart_means(coil, start)._replace(
+    return _restart_sums(coil, start)._replace(
         resistance=R + trend, measured=R, trend=trend, remanence=start, balanced=R
     )
 
@@ -254,7 +254,7 @@ def take_estimates(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) 
     is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
     used = where(is_new, R, coil.resistance + SHARE * (R - coil.resistance))
     balanced = _balance_resistance(coil, cycles, inputs.estimated_flux_linkage, par)
-    return _restart_means(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R, balanced=balanced)
+    return _restart_sums(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R, balanced=balanced)
 
 
 def _balance_resistance(coil: Coil, cycles: Scalar, end: Scalar, par: Parameters) -> Scalar:
@@ -305,5 +305,5 @@ def average_top(coil: Coil, is_noisy: Scalar, par: Parameters) -> Coil:
     return coil._replace(top=top, shift=top - coil.flux, flux=top)
 
 
-def _restart_means(coil: Coil, start: Scalar) -> Coil:
+def _restart_sums(coil: Coil, start: Scalar) -> Coil:
     return coil._replace(flux=start, charge=0.0, passed=0.0, shift=0.0, drawn=0.0, highest=0.0, lowest=0.0, rise=0.0)

@@ -178,8 +178,8 @@ def judged_by_estimator(state: State, inputs: Inputs, par: Parameters) -> State:
             last_is_judged=where(is_last_due, 1.0, running.last_is_judged),
         ),
     )
-    state = cond(is_last_due, lambda: _landing_told(state, *last, inputs, par), lambda: state)
-    state = cond(is_due, lambda: _landing_told(state, now, start, running.age * T_s, inputs, par), lambda: state)
+    state = cond(is_last_due, lambda: _judge_window(state, *last, inputs, par), lambda: state)
+    state = cond(is_due, lambda: _judge_window(state, now, start, running.age * T_s, inputs, par), lambda: state)
     return cond(is_due | is_last_due, lambda: update_warnings(state), lambda: state)
 
 
@@ -196,7 +196,7 @@ def _estimator_landed(start: Scalar, length: Scalar, inputs: Inputs) -> Scalar:
     return where((landing > 0.0) & (landing <= length), 1.0, 0.0)
 
 
-def _landing_told(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> State:
+def _judge_window(state: State, half: Scalar, start: Scalar, length: Scalar, inputs: Inputs, par: Parameters) -> State:
     """Judge an operation whose window the estimator has explained."""
     has_landed = _estimator_landed(start, length, inputs)
     law = laws.read(state.laws, half)

@@ -251,7 +251,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
             travel=law.travel,
             learnt=learnt,
             balance_flux=balance_flux,
-            averaged=where(is_averaged, _average_current(state.running.averaged, is_plain), 0.0),
+            averaged=where(is_averaged, _count_averaged(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
             piece=piece(where(is_averaged, state.coil.noise, 0.0), par),
             due=due(plan_operation(half, law.speed, law.travel, 0.0, par), par),
@@ -268,7 +268,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
     )
 
 
-def _average_current(count: Scalar, is_plain: Scalar) -> Scalar:
+def _count_averaged(count: Scalar, is_plain: Scalar) -> Scalar:
     """Count one more soft operation; after an ordinary one, which tells of a change, the means follow quickly again."""
     return where(is_plain, where(count < AGAIN, count, AGAIN), count + 1.0)
 
