@@ -30,7 +30,7 @@ from gapsense.many import store
 ROOT = Path(__file__).resolve().parents[1]
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 STARTED = {  # files whose tests are about processes themselves, and how they start and end
-    *("test_strays", "test_apart", "test_remote", "test_wandering", "test_unpacked", "test_shadows", "test_interrupt"),
+    *("test_strays", "test_unpacked", "test_shadows", "test_interrupt"),
     *("test_workers", "test_processes", "test_cluster", "test_run", "test_engine"),
 }
 LONG = (  # files that take minutes in the long tests, the longest first, and those of the quick ones after them
@@ -85,6 +85,12 @@ def warm_workers(request: pytest.FixtureRequest) -> Iterator[None]:
         if sys.platform == "linux" and request.path.stem not in STARTED:
             patch.setattr(processes, "subprocess", SimpleNamespace(**{**vars(subprocess), "Popen": warm.Worker}))
         yield
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Worker processes are real ones in a test, whatever those of its file are."""
+    monkeypatch.setattr(processes, "subprocess", subprocess)
 
 
 @pytest.fixture
