@@ -31,7 +31,7 @@ def test_one_command_identifies_the_coil_as_it_was_recorded(tmp_path, gapsense):
     assert found["prior.inductance"] == pytest.approx(337e-6, rel=0.03)
 
 
-@pytest.mark.parametrize("file", [TUBE, EMPTY])
+@pytest.mark.parametrize("file", [TUBE, pytest.param(EMPTY, marks=pytest.mark.slow)])
 def test_estimators_follow_the_flux_linkage_from_the_first_pulse_on(tmp_path, gapsense, fmus, file):
     done = gapsense("identify", file, "--out", tmp_path / "coil.toml")
     assert (done.exit_code, done.stderr) == (0, "")

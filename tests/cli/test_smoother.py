@@ -10,6 +10,7 @@ from gapsense._os.files import read_columns
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.mark.slow
 def test_monte_carlo_prints_tables_and_orderings_and_writes_figures_and_numbers(gapsense, tmp_path):
     out = tmp_path / "new" / "out"
     done = gapsense("study", "monte-carlo", "--runs", 6, "--widths", "1,10", "--workers", 1, "--out", out)
