@@ -181,8 +181,8 @@ def test_gap_law_asks_for_the_turns_and_marks_what_rests_on_assumed_ones(gapsens
 
 
 def test_coil_of_unknown_turns_is_marked(gapsense, tmp_path):
-    k = np.arange(3000)
-    u = np.where((k > 100) & (k % 1500 > 300) & (k % 1500 < 700), 10.0, 0.0)
+    k = np.arange(1200)
+    u = np.where((k > 100) & (k % 600 > 120) & (k % 600 < 280), 10.0, 0.0)
     i = np.zeros(k.size)
     for n in range(1, k.size):
         i[n] = i[n - 1] + 20e-6 * (0.5 * (u[n] + u[n - 1]) - 20.0 * i[n - 1]) / 10e-3
