@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from c_code import CKernel
 from kernel_cases import (
+    components,
     covariance_diagonal,
     disturbed,
     input_sequence,
@@ -20,7 +21,9 @@ from kernel_cases import (
 )
 
 from gapsense.embedded.design import prune_graphs
-from gapsense.kernels.emit import Graph, Python, namespace
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.kernels.emit import Graph, Python, indexing, namespace
+from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import flat, names, record
 
 RUNS = 8
@@ -201,3 +204,38 @@ def pruned_code(initial: Graph, step: Graph, kept: dict[str, list[str]]) -> dict
         "initial": lambda inputs, par: space["initial"](few(inputs, "inputs"), few(par, "par")),
         "step": lambda state, inputs, par: space["step"](state, few(inputs, "inputs"), few(par, "par")),
     }
+
+
+@pytest.mark.parametrize("samples", [1000, pytest.param(3000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [name for name, (component, _) in components().items() if component.kernel == name])
+def test_states_of_random_runs_are_such_states(name: str, samples: int) -> None:
+    """What a run makes is never refused."""
+    (component, folder), k = components()[name], kernel(name)
+    par, rng = kernel_parameters(own(folder.name), {}), random.Random(folder.name)
+    if not k.wholes:
+        assert not indexing(k.graphs[1])
+        return
+    every_input = names(k.module.Inputs)
+    fields_of = [entry for entry in every_input if entry != "time"]
+    clock = ["time"] if "time" in every_input else []
+    ports = {port.field: port for port in component.of("input")}
+    given = dict.fromkeys(fields_of, 0.0)
+    period = dict(zip(names(k.module.Parameters), flat(par)))["sample_time"]
+    state, _ = k.initial(k.module.Inputs(**given, **dict.fromkeys(clock, 0.0)), par)
+    for n in range(1, samples):
+        for field in fields_of:
+            if rng.random() < 0.02:
+                port = ports[field]
+                low = -port.nominal if port.min is None else port.min
+                high = port.nominal if port.max is None else port.max
+                given[field] = float(rng.randint(0, 3)) if "mode" in field else rng.choice((low, high, 0.0))
+        state, _ = k.step(state, k.module.Inputs(**given, **dict.fromkeys(clock, n * period)), par)
+        assert fit(flat(state), k), n
+
+
+def fit(entries: list[Any], k: Kernel) -> bool:
+    for entry, first, every, least, most in k.wholes:
+        found = entries[entry] if isinstance(entries[entry], list) else [entries[entry]]
+        if not all(least <= x <= most and x % 1.0 == 0.0 for x in found[first::every]):
+            return False
+    return True

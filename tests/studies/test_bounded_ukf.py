@@ -123,6 +123,7 @@ def test_tables_name_every_filter(wrong: dict[str, Errors]) -> None:
     assert "resistance wrong by +5 %" in tables[0] and "0 of 384" in tables[1]
 
 
+@pytest.mark.slow
 def test_command_draws_its_figure(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["study", "ukf-noise", "--seeds", "1", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output

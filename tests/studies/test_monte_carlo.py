@@ -224,6 +224,7 @@ def test_senseless_comparisons_are_refused(coarse, widths, runs, workers):
         compare(coarse, widths, runs, workers)
 
 
+@pytest.mark.slow  # the orderings of a run: tests/scenarios/test_soft_landing.py
 def test_orderings_of_the_paper_come_out_in_few_runs(study):
     """As [RTS] states them; the parameter errors of 30 % are looked at in the slow test."""
     found = compare(study, [0.001, 0.1, 0.2], 40, 1)
