@@ -229,9 +229,9 @@ app()
     ("size", "command", "file"),
     [
         (1000, ["run"], "gapsense-"),  # an FMU cannot be extracted
-        (500_000, ["run"], "gapsense-.*/rows"),
+        pytest.param(500_000, ["run"], "gapsense-.*/rows", marks=pytest.mark.slow),
         (700_000, ["run"], "results/short.csv"),
-        (500_000, ["sweep", "--seeds", 2, "--signals"], "00000.csv"),
+        pytest.param(500_000, ["sweep", "--seeds", 2, "--signals"], "00000.csv", marks=pytest.mark.slow),
     ],
 )
 def test_file_that_cannot_be_written_is_named(process, write, fmus, size, command, file):

@@ -78,7 +78,7 @@ def test_interrupted_figure_writes_nothing(process, long, fmus, tmp_path):
 @pytest.mark.parametrize(
     ("number", "engine", "seeds"),
     [
-        (signal.SIGINT, "fmu", 50),
+        pytest.param(signal.SIGINT, "fmu", 50, marks=pytest.mark.slow),
         pytest.param(signal.SIGTERM, "fmu", 50, marks=pytest.mark.slow),
         (signal.SIGINT, "auto", 20_000),
     ],

@@ -31,7 +31,7 @@ def test_monte_carlo_prints_tables_and_orderings_and_writes_figures_and_numbers(
 
 
 def test_consistency_prints_its_numbers_beside_the_published(gapsense, tmp_path):
-    done = gapsense("study", "consistency", "--runs", 20, "--out", tmp_path / "out")
+    done = gapsense("study", "consistency", "--runs", 5, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
     assert "89.56 %" in done.output and "4.9477" in done.output and "NEE of e_F,k within +-1.645" in done.output
     for name in ("consistency_nees.png", "consistency_nee.png"):

@@ -55,6 +55,7 @@ def test_heads_of_the_table_are_those_of_a_record(gapsense, usual):
     assert len(found) == 1 and "column `current` is missing; there are `time`, `voltage`." in found[0]
 
 
+@pytest.mark.slow
 def test_parameters_of_another_actuator_are_taken(gapsense, usual, monkeypatch, tmp_path):
     file = parameters('"mover.mass" = 2e-3\nhysteresis = false\n"gap.law" = "table"\n"gap.file" = "gap.csv"')
     gaps = "\n".join(f"{k}e-4,{k * (3.2e6 - 5e4 * k)}" for k in range(25))

@@ -21,6 +21,7 @@ from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names, record
 
 KERNEL = Kernel(semera)
+RESISTANCE = semera.Outputs._fields.index("resistance")
 AFTER = REST + 400  # first sample of the second cycle
 
 
@@ -82,16 +83,11 @@ def resistance_errors_in_single_precision(folder: Path) -> dict[str, float]:
     found: dict[str, list[float]] = {"printed, float32": [], "Joseph, float32": [], "float64": [], "C, float32": []}
     for seed in range(12):
         signal = valve_like(seed=seed)
-        code.call("initial", (signal.u[0], signal.iota[0]), TABLE_II)
-        r = [TABLE_II.prior_resistance]
-        for given_ in zip(signal.u[1:], signal.iota[1:]):
-            code.call("step", given_, TABLE_II)
-            r.append(float(code.outputs[0]))
         for name, values in (
             ("printed, float32", by_textbook(signal, False, np.float32).r),
             ("Joseph, float32", by_textbook(signal, True, np.float32).r),
-            ("float64", by_textbook(signal, True).r),
-            ("C, float32", np.array(r)),
+            ("float64", run(signal)[0]["resistance"]),
+            ("C, float32", code.run(np.c_[signal.u, signal.iota], TABLE_II)[:, RESISTANCE]),
         ):
             found[name].append(float(np.sqrt(np.mean((values[AFTER:].astype(float) - 76.0) ** 2))))
     return {name: float(np.median(values)) for name, values in found.items()}

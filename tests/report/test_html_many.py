@@ -156,7 +156,7 @@ scenario = "semera_valve"
 """
 
 
-@pytest.mark.parametrize("word", ["sweep", "campaign"])
+@pytest.mark.parametrize("word", [pytest.param("sweep", marks=pytest.mark.slow), "campaign"])
 def test_command_of_the_report_repeats_the_run_with_the_same_bits(fmus, tmp_path, monkeypatch, few, word):
     shutil.copytree(SCENARIOS / "semera_valve", tmp_path / "semera_valve")
     monkeypatch.chdir(tmp_path)

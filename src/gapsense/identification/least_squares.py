@@ -166,13 +166,11 @@ def candidates(p: Problem, x: Vector, J: Matrix, r: Vector, dampings: Sequence[f
     sizes, directions = np.linalg.eigh(H / np.outer(D, D))
     along = directions.T @ (g[free] / D)
     least = NEGLIGIBLE * float(sizes.max(initial=0.0)) + 1e-300
-    made = []
-    for damping in dampings:
-        by = np.where(sizes + damping > least, along / np.maximum(sizes + damping, least), 0.0)
-        point = x.copy()
-        point[free] -= (directions @ by) / D
-        made.append(np.clip(point, low, high))
-    return made
+    damped = sizes + np.array(dampings)[:, None]
+    by = np.where(damped > least, along / np.maximum(damped, least), 0.0)
+    points = np.tile(x, (len(dampings), 1))
+    points[:, free] -= np.stack([directions @ each for each in by]) / D
+    return [*np.clip(points, low, high)]
 
 
 def long_run(W: Matrix, r: Vector) -> Matrix:
