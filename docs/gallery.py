@@ -63,7 +63,8 @@ def made(entry: Entry) -> Path:
         """Let the command draw it into a file."""
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / Path(entry.place).name
-            more = ["--fmus", str(NATIVE)] if words[0] == "figure" and is_current(NATIVE) else []
+            takes_fmus = words[0] == "figure" or words[1] == "faults"
+            more = ["--fmus", str(NATIVE)] if takes_fmus and is_current(NATIVE) else []
             call([*words, "--out", str(out if is_file else folder), *more])
             shutil.move(out, file)
 

@@ -30,8 +30,8 @@ from gapsense.many import store
 ROOT = Path(__file__).resolve().parents[1]
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 STARTED = {  # files whose tests are about processes themselves, and how they start and end
-    *("test_strays", "test_apart", "test_remote", "test_wandering", "test_unpacked", "test_shadows", "test_interrupt"),
-    *("test_workers", "test_processes", "test_cluster", "test_run", "test_engine"),
+    *("test_strays", "test_apart", "test_unpacked", "test_shadows", "test_interrupt"),
+    *("test_workers", "test_processes", "test_cluster", "test_run", "test_killed"),
 }
 LONG = (  # files that take minutes in the long tests, the longest first, and those of the quick ones after them
     *("test_identification_losses", "test_identification_conditions", "test_everywhere", "test_run_to_run_demands"),

@@ -22,6 +22,8 @@ WARNINGS = tuple(name.replace("_", " ") for name in Noted._fields)  # in the ord
 LANDED = sum(2 ** WARNINGS.index(name) for name in ("hard", "changed"))  # warnings of how an operation has landed
 STANDING = 2 ** WARNINGS.index("noisy")  # is there for good, whatever an operation does: tells nothing of it
 HARD, SOFT = 0.5, 0.2  # impact speeds of operations that are to be told, and that are not [m/s]
+HELD = 0.3  # impact speed below which soft operations are to stay [m/s]
+FOLLOWED = 10  # cycle from which they are
 ORDINARY = 1.1  # ordinary impacts: what is harder is worse than without the controller
 SHOWN = (2, 5, 10, 20)  # cycles of the tables, and the last one
 
@@ -132,7 +134,7 @@ def warned(outcome: Outcome) -> list[float]:
 def noticed(outcome: Outcome) -> Noticed:
     """Of all operations since the laws had learnt."""
     speeds, states, said = (x.reshape(-1, x.shape[-1]) for x in (outcome.speeds, outcome.states, outcome.said))
-    is_soft, was_warned = (states == TRACKING) | (states == SHORT), said.astype(int) & LANDED > 0
+    is_soft, was_warned = np.isin(states, (TRACKING, SHORT)), said.astype(int) & LANDED > 0
     is_told = (said.astype(int) & ~STANDING > 0) | ~is_soft
     since, end = 2 * LEARNT, len(speeds) - 2
     now, next_one, same = slice(since, end), slice(since + 1, end + 1), slice(since + 2, end + 2)
@@ -149,6 +151,12 @@ def noticed(outcome: Outcome) -> Noticed:
         harder[LEARNT:] & harder[LEARNT - 1 : -1],
     )
     return Noticed(*(int(np.sum(x)) for x in found))
+
+
+def soft_speeds(outcome: Outcome) -> list[Floats]:
+    """Of the closings and of the openings that were to be soft, from cycle `FOLLOWED` on."""
+    speeds, is_soft = outcome.speeds[FOLLOWED:], np.isin(outcome.states[FOLLOWED:], (TRACKING, SHORT))
+    return [speeds[:, k][is_soft[:, k]] for k in range(len(OPERATIONS))]
 
 
 def impact_energy(outcome: Outcome) -> Floats:

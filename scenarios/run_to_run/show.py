@@ -14,7 +14,9 @@ from .conditions import CONDITIONS
 from .cycles import Outcome
 from .loops import LAWS
 from .measures import (
+    FOLLOWED,
     HARD,
+    HELD,
     LAST,
     LEARNT,
     LEVELS,
@@ -28,6 +30,7 @@ from .measures import (
     missed,
     noticed,
     quantile,
+    soft_speeds,
     verdicts,
     warned,
 )
@@ -48,6 +51,7 @@ def tables(found: Found) -> list[Table | str]:
         head,
         *(part for name in names for part in over_cycles(found, name)),
         summary(found),
+        *soft(found),
         *said(found),
         *demands(found),
     ]
@@ -90,6 +94,24 @@ def _summed(name: str, law: str, outcome: Outcome) -> list[str]:
     return [f"{name}, {law}", *spread(last), shares, *counts, warnings, f"{energy:.3g}", f"{impact:.3g}"]
 
 
+def soft(found: Found) -> list[Table]:
+    """Impacts of the operations that the controller wanted soft, which the ordinary ones among them hide."""
+    title = f"Operations that were to be soft, from cycle {FOLLOWED} on"
+    heads = ("", "soft / %", *OPERATIONS, f"beyond {HELD:g} m/s")
+    rows = []
+    for name, outcome in known(found).items():
+        own = soft_speeds(outcome)
+        share = 100.0 * sum(map(len, own)) / max(outcome.speeds[FOLLOWED:].size, 1)
+        levels = (" ".join(short(np.quantile(x, level)) for level in LEVELS.values()) if len(x) else "" for x in own)
+        rows.append([name, f"{share:.1f}", *levels, str(sum(int(np.sum(x > HELD)) for x in own))])
+    return [table(title, heads, rows)] if rows else []
+
+
+def known(found: Found) -> dict[str, Outcome]:
+    """The rows of laws that say in which state they are."""
+    return {f"{name}, {law}": o for (name, law), o in found.outcomes.items() if np.any(o.states)}
+
+
 def said(found: Found) -> list[Table]:
     """What the controller has noticed under each condition."""
     title = (
@@ -106,9 +128,8 @@ def said(found: Found) -> list[Table]:
         "warned wrongly",
         "twice",
     )
-    known = [(f"{name}, {law}", noticed(o)) for (name, law), o in found.outcomes.items() if np.any(o.states)]
-    rows = ([name, *(str(count) for count in counts)] for name, counts in known)
-    return [table(title, heads, rows)] if known else []
+    rows = [[name, *(str(count) for count in noticed(outcome))] for name, outcome in known(found).items()]
+    return [table(title, heads, rows)] if rows else []
 
 
 def spread(speeds: Floats) -> list[str]:

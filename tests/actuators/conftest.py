@@ -9,7 +9,7 @@ import pytest
 from gapsense.actuators import solenoid_valve
 from gapsense.kernels.kernel import Kernel
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "oracles")]
+sys.path[:0] = [str(Path(__file__).parent), *(str(Path(__file__).parents[1] / name) for name in ("oracles", "kernels"))]
 
 
 def square_wave(period, cycles, high=30.0):

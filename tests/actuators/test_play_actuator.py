@@ -39,7 +39,7 @@ def test_without_losses_it_is_the_solenoid_valve():
         np.testing.assert_allclose(values, others, atol=1e-8 * np.abs(others).max())
 
 
-@pytest.mark.parametrize("slower", [1.0, 4.0])
+@pytest.mark.parametrize("slower", [1.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_hysteresis_loop_has_its_area_whatever_the_rate(slower):
     """Each element of stiffness I / (3 r) goes round a parallelogram of area 4 (I / 3) (amplitude - r)."""
     par = LOCKED._replace(**STATIC | {"hysteresis_amplitude": 0.02}, coil_resistance=1e-6)

@@ -11,6 +11,7 @@ from gapsense.fmi.tables import read_table
 from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE
 
+SLOW = pytest.mark.slow  # parts of what the quick ones have
 TIME = 1e-7  # contact and release [s]
 LEVELS = [30.0, 12.0, 20.0, 8.0, 0.0, -6.0, 3.0, 0.0, 40.0, 0.0]
 STEPS = [(k * 5e-3, (k + 1) * 5e-3, u) for k, u in enumerate(LEVELS)]
@@ -29,13 +30,13 @@ def actuator():
 @pytest.mark.parametrize(
     ("par", "levels"),
     [
-        pytest.param(RTS_VALVE, False, id="complete"),
+        pytest.param(RTS_VALVE, False, id="complete", marks=SLOW),
         pytest.param(RTS_VALVE, True, id="minor loops"),
         pytest.param(TABLE, False, id="table"),
         pytest.param(RTS_VALVE._replace(friction=0.1), False, id="friction"),
-        pytest.param(RTS_VALVE._replace(eddy_currents=0.0), False, id="no eddy currents"),
-        pytest.param(RTS_VALVE._replace(hysteresis=0.0), False, id="no hysteresis"),
-        pytest.param(RTS_VALVE._replace(saturation=0.0), False, id="no saturation"),
+        pytest.param(RTS_VALVE._replace(eddy_currents=0.0), False, id="no eddy currents", marks=SLOW),
+        pytest.param(RTS_VALVE._replace(hysteresis=0.0), False, id="no hysteresis", marks=SLOW),
+        pytest.param(RTS_VALVE._replace(saturation=0.0), False, id="no saturation", marks=SLOW),
     ],
 )
 def test_actuator_equals_dop853(actuator, square, run, par, levels):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from c_code import driven
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
@@ -13,11 +14,9 @@ from gapsense import TableActuator
 from gapsense.actuators import reluctance_actuator, table_actuator
 from gapsense.actuators.surface import surface, surface_patch
 from gapsense.fmi.components import kernel_parameters, load_component, own
-from gapsense.kernels.kernel import Kernel
 from gapsense.studies.devices import RTS_VALVE, drive
 
 TABLE = kernel_parameters(own("table_actuator"), {})
-KERNEL = Kernel(table_actuator)
 STEP = 20e-6
 FREE = {"spring_stiffness": 0.0, "damping": 0.0, "spring_preload": 0.0}
 ENERGIES = ("supplied_energy", "dissipated_energy", "stored_energy")
@@ -89,11 +88,11 @@ def test_current_and_force_are_slopes_of_one_energy(h, lam):
 def test_it_is_the_reluctance_actuator(hysteresis, tmp_path):
     """To what 11 gaps and 29 flux linkages tell; four times as many of both tell a hundred times more."""
     names, voltage = ("position", "current", "force", "hysteresis_energy", "eddy_energy", "mode"), square_wave()
-    other = drive(reluctance_actuator, RTS_VALVE._replace(hysteresis=hysteresis), voltage, STEP, *names).T
+    other = driven(reluctance_actuator, RTS_VALVE._replace(hysteresis=hysteresis), voltage, STEP, *names).T
     finer = [np.interp(np.arange(0.0, len(x) - 0.9, 0.25), np.arange(len(x)), x) for x in (GAPS, FLUX_LINKAGES)]
     file = write(tmp_path / "fine.csv", *(1e-3 * x for x in finer), lambda h, lam: current(h, lam, RTS_VALVE))
     for par, part in ((TABLE, 1.0), (with_table(file), 0.01)):
-        found = drive(table_actuator, par._replace(hysteresis=hysteresis), voltage, STEP, *names).T
+        found = driven(table_actuator, par._replace(hysteresis=hysteresis), voltage, STEP, *names).T
         assert np.abs(found[0] - other[0]).max() < part * 0.3e-6
         assert np.abs(found[1] - other[1]).max() < part * 15e-6
         assert np.abs(found[2] - other[2]).max() < part * 3e-3
@@ -111,7 +110,7 @@ def test_three_flux_linkages_are_a_law_without_saturation(tmp_path):
         lambda h, lam: lam * (5.0 + 2e4 * h + 1e6 * h * h),
     )
     par = with_table(file)._replace(eddy_currents=0.0)
-    i, h, lam, force, L = drive(
+    i, h, lam, force, L = driven(
         table_actuator, par, square_wave(), STEP, "current", "position", "flux_linkage", "force", "inductance"
     ).T
     R, slope = 5.0 + 2e4 * h + 1e6 * h * h, 2e4 + 2e6 * h
@@ -198,7 +197,7 @@ def test_spring_by_table_is_that_by_numbers(tmp_path):
     file.write_text("gap [m],force [N]\n" + "".join(f"{h},{f!r}\n" for h, f in zip((0.2e-3, 0.7e-3, 1e-3), force)))
     by_table = kernel_parameters(own("table_actuator"), {"spring.file": str(file), "spring.law": "table"})
     names = ("position", "current", "spring_force")
-    found = drive(table_actuator, by_table, square_wave(), STEP, *names).T
+    found = driven(table_actuator, by_table, square_wave(), STEP, *names).T
     np.testing.assert_allclose(found, run(square_wave(), *names), atol=1e-9)
 
 

@@ -9,6 +9,7 @@ from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.kernel import Kernel
 
 TABLE = kernel_parameters(own("table_actuator"), {})
+SLOW = pytest.mark.slow  # the quick ones have every force, if not alone
 ELASTIC = {"stop_law": 1.0, "stop_stiffness": 2e5, "stop_damping": 0.3}
 SEGMENTS = [(0.0, 8e-3, 30.0), (8e-3, 16e-3, 0.0), (16e-3, 21e-3, -30.0), (21e-3, 26e-3, 12.0), (26e-3, 30e-3, 0.0)]
 
@@ -21,12 +22,14 @@ def actuator():
 @pytest.mark.parametrize(
     ("given", "fewest"),
     [
-        pytest.param({}, 4, id="plain"),
-        pytest.param({"eddy_currents": 0.0, "mover_load": 1e-3, "gravity": -9.81}, 4, id="load and gravity"),
+        pytest.param({}, 4, id="plain", marks=SLOW),
+        pytest.param(
+            {"eddy_currents": 0.0, "mover_load": 1e-3, "gravity": -9.81}, 4, id="load and gravity", marks=SLOW
+        ),
         pytest.param({"stop_restitution": 0.5}, 10, id="bounces"),
-        pytest.param(ELASTIC, 10, id="elastic", marks=pytest.mark.slow),
+        pytest.param(ELASTIC, 10, id="elastic", marks=SLOW),
         pytest.param(ELASTIC | {"friction": 0.1}, 10, id="elastic with friction"),
-        pytest.param({"friction": 0.3, "stop_restitution": 0.4, "damping": 0.1}, 6, id="friction"),
+        pytest.param({"friction": 0.3, "stop_restitution": 0.4, "damping": 0.1}, 6, id="friction", marks=SLOW),
         pytest.param({"spring_law": 1.0, "spring_preload": -0.2}, 4, id="spring by table"),
         pytest.param({"spring_stiffness": 0.0, "friction": 0.2, "initial_position": 0.9e-3}, 2, id="held by friction"),
     ],

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -111,9 +111,9 @@ def gapsense() -> Callable[..., Any]:
     return call
 
 
-@pytest.fixture
-def rising(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
-    """Asserts that the command that was called has told how far it is, up to all that is to be done."""
+@contextmanager
+def follow() -> Iterator[Callable[[], None]]:
+    """Context whose value asserts that the command that was called in it has told how far it is, up to all of it."""
     told: list[list[tuple[float, float]]] = []
 
     @contextmanager
@@ -128,8 +128,22 @@ def rising(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
             assert shares == sorted(shares) and 0.8 < shares[-1] <= 1.0
         assert told
 
-    monkeypatch.setattr("gapsense.scenarios.soft_landing.study.bar", bar)
-    return assert_rising
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gapsense.scenarios.soft_landing.study.bar", bar)
+        yield assert_rising
+
+
+@pytest.fixture(scope="session")
+def following() -> Callable[[], AbstractContextManager[Callable[[], None]]]:
+    """Makes contexts that follow a command."""
+    return follow
+
+
+@pytest.fixture
+def rising() -> Iterator[Callable[[], None]]:
+    """Asserts that the command that was called has told how far it is, up to all that is to be done."""
+    with follow() as assert_rising:
+        yield assert_rising
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import errno
 import os
 import subprocess
 import sys
+from itertools import product
 
 import pyarrow.parquet as pq
 import pytest
@@ -134,8 +135,13 @@ app()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sets a limit of POSIX")
-@pytest.mark.parametrize("most", [8, 12, 15])
-@pytest.mark.parametrize("command", ["campaign", "sweep"])
+@pytest.mark.parametrize(
+    ("command", "most"),
+    [
+        pytest.param(*case, marks=[] if case in (("campaign", 12), ("sweep", 8)) else pytest.mark.slow)
+        for case in product(("campaign", "sweep"), (8, 12, 15))
+    ],
+)
 def test_too_many_open_files_are_told_with_what_to_do(study, fmus, tmp_path, most, command):
     given = study if command == "campaign" else "semera_valve"
     words = [str(most), command, str(given), "--fmus", str(fmus), "--out", str(tmp_path / "out"), "--engine", "fmu"]

@@ -6,6 +6,7 @@ import json
 import signal
 import sys
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -70,6 +71,7 @@ def test_interrupted_run_can_be_gone_on_with(process, write, fmus):
     started = process("from gapsense.cli import app; app()", "run", folder, "--fmus", fmus, "--checkpoint", "1e-3")
     while not FILE.is_file():
         assert started.poll() is None
+        sleep(0.01)
     started.send_signal(signal.SIGINT)
     _, err = started.communicate(timeout=30)
     assert started.returncode == 130 and err.rstrip().endswith("use `--resume` to continue from the checkpoint.")

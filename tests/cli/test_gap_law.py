@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.identification.parameter_set import parameters_of, read_values
+from gapsense.identification.parameter_set import parameters_of, read_sets, read_values
 
 TABLE = Path(__file__).resolve().parents[1] / "identification" / "records" / "takaha-inductance.csv"
 
@@ -22,6 +22,7 @@ def test_command_writes_a_set_that_the_valve_takes(gapsense, tmp_path, monkeypat
     assert "Only the lowest frequency, 100 Hz, serves" in said and "gapsense identify --inductance" in said
     assert Path("f.png").read_bytes().startswith(b"\x89PNG")
     values, par = read_values([Path("sets/gap.toml")]), parameters_of("solenoid_valve", Path("sets/gap.toml"))
+    assert not read_sets([Path("sets/gap.toml")]).assumed
     assert "gap.slope" not in values and values["stop.upper"] == 4e-3 and par.coil_turns == 900.0
     R = par.core_reluctance + np.interp(3.05e-3, par.gap_file_gap, par.gap_file_reluctance)
     inductance = 900.0**2 / R

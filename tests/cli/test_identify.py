@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from gapsense._os.files import read_columns
+from gapsense.cli import app
 from gapsense.cosim import run
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.valve.model import simulate
@@ -47,11 +46,12 @@ def data(tmp_path_factory):
 @pytest.fixture(scope="module")
 def identified(data):
     """Parameter set that the command has written, and what it printed."""
-    command = [sys.executable, "-m", "gapsense.cli", "identify", "fit.csv", "--parameters", "known.toml"]
+    command = ["identify", "fit.csv", "--parameters", "known.toml"]
     more = ["--validate", "other.csv", "--figure", "fit.png", "--voltage", "end", "--starts", "1"]
-    env = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    done = subprocess.run([*command, *more], cwd=data, env=env, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(data)
+        done = CliRunner().invoke(app, [*command, *more])
+    assert (done.exit_code, done.stderr) == (0, "")
     return data / "valve.toml", done.stdout
 
 
@@ -186,24 +186,22 @@ def test_estimate_refuses_wrong_names(wrong, gapsense, fmus, monkeypatch, estima
         ("ekf", "range.toml", ["Ekf: `mover.mass` is -1.0;", "Ekf: `damping` is true;"]),
     ],
 )
-def test_build_refuses_wrong_names_and_values(wrong, process, component, file, words):
-    code = f"import os; os.chdir({str(ROOT)!r}); from gapsense.cli import app; app()"
-    done = process(code, "build", component, "--parameters", wrong / file, "--out", wrong / "x")
-    printed, said = done.communicate()
-    assert done.returncode == 2 and not (wrong / "x").exists(), printed + said
-    assert all(word in said for word in words), said
+def test_build_refuses_wrong_names_and_values(wrong, gapsense, monkeypatch, component, file, words):
+    monkeypatch.chdir(ROOT)
+    done = gapsense("build", component, "--parameters", wrong / file, "--out", wrong / "x")
+    assert done.exit_code == 2 and not (wrong / "x").exists(), done.output
+    assert all(word in done.stderr for word in words), done.stderr
 
 
-def test_gap_table_of_a_parameter_set_travels_in_the_fmus(data):
+def test_gap_table_of_a_parameter_set_travels_in_the_fmus(data, gapsense, monkeypatch):
     (data / "tables").mkdir()
     shutil.copy(ROOT / "fmus" / "solenoid_valve" / "fringing_19.csv", data / "tables" / "mine.csv")
     text = '[values]\n"gap.law" = "table"\n"gap.file" = "tables/mine.csv"\n'
     (data / "table.toml").write_text(text, encoding="utf-8")
     names = ("solenoid_valve", "ekf", "semera")
-    command = [sys.executable, str(ROOT / "build_fmus.py"), *names, "--parameters", "table.toml", "--out", "tabled"]
-    env = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
-    done = subprocess.run(command, cwd=data, env=env, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
+    monkeypatch.chdir(data)
+    done = gapsense("build", *names, "--parameters", "table.toml", "--out", "tabled")
+    assert (done.exit_code, done.stderr) == (0, "")
     for name in ("SolenoidValve", "Ekf"):
         description = fmpy.read_model_description(str(data / "tabled" / f"{name}.fmu"))
         start = {v.name: v.start for v in description.modelVariables}

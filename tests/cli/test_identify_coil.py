@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from gapsense._os.files import read_columns
+from gapsense.cli import app
 from gapsense.identification.measurements.operations import estimate, operations
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.parameter_set import read_values
@@ -17,25 +20,37 @@ TUBE, EMPTY = RECORDS / "tube-150-raw.csv", RECORDS / "empty-162-raw.csv"
 SHARE = 0.03  # of the largest flux linkage
 
 
-def test_one_command_identifies_the_coil_as_it_was_recorded(tmp_path, gapsense):
-    options = ["--out", tmp_path / "coil.toml", "--figure", tmp_path / "coil.png"]
-    done = gapsense("identify", TUBE, *options, "--validate", EMPTY)
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    """What the command said of each record, validated with the other one, and the files that it wrote."""
+
+    @cache
+    def identify(file):
+        set_, figure = (tmp_path_factory.mktemp("coil") / name for name in ("coil.toml", "coil.png"))
+        words = ["identify", file, "--out", set_, "--figure", figure, "--validate", EMPTY if file == TUBE else TUBE]
+        return CliRunner().invoke(app, [*map(str, words)]), set_, figure
+
+    return identify
+
+
+def test_one_command_identifies_the_coil_as_it_was_recorded(identified):
+    done, set_, figure = identified(TUBE)
     assert (done.exit_code, done.stderr) == (0, "")
     printed = " ".join(done.stdout.split())
     for words in ("No motion", "constant inductance", "taken", "explains the current", "offset is subtracted",
                   "`core.turnover` is not identified", "Validation", "empty-162-raw", "may hide"):  # fmt: skip
         assert words in printed, printed
-    assert (tmp_path / "coil.png").read_bytes().startswith(b"\x89PNG")
-    found = read_values([tmp_path / "coil.toml"])
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    found = read_values([set_])
     assert found["coil.resistance"] == pytest.approx(0.371, rel=0.01)
     assert found["prior.inductance"] == pytest.approx(337e-6, rel=0.03)
 
 
-@pytest.mark.parametrize("file", [TUBE, EMPTY])
-def test_estimators_follow_the_flux_linkage_from_the_first_pulse_on(tmp_path, gapsense, fmus, file):
-    done = gapsense("identify", file, "--out", tmp_path / "coil.toml")
+@pytest.mark.parametrize("file", [TUBE, pytest.param(EMPTY, marks=pytest.mark.slow)])
+def test_estimators_follow_the_flux_linkage_from_the_first_pulse_on(identified, tmp_path, gapsense, fmus, file):
+    done, set_, _ = identified(file)
     assert (done.exit_code, done.stderr) == (0, "")
-    options = ["--parameters", tmp_path / "coil.toml", "--fmus", fmus, "--figure", tmp_path / "e.png"]
+    options = ["--parameters", set_, "--fmus", fmus, "--figure", tmp_path / "e.png"]
     more = ["--out", tmp_path / "e.csv", "--estimator", "semera,integral_estimator"]
     done = gapsense("estimate", file, *options, *more)
     assert done.exit_code == 0, done.stderr

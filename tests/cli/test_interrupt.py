@@ -53,7 +53,7 @@ def interrupted(process, number=signal.SIGINT):
     return process.returncode, *outputs
 
 
-@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", pytest.param("SIGHUP", marks=pytest.mark.slow)])
 def test_interrupted_run_leaves_a_partial_result_and_says_so(process, long, fmus, tmp_path, number):
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # `nohup make test` ignores it, and so would the run
     started = process(LOUD, "run", long, "--fmus", fmus, "--out", tmp_path / "out")
@@ -77,7 +77,11 @@ def test_interrupted_figure_writes_nothing(process, long, fmus, tmp_path):
 
 @pytest.mark.parametrize(
     ("number", "engine", "seeds"),
-    [(signal.SIGINT, "fmu", 50), (signal.SIGTERM, "fmu", 50), (signal.SIGINT, "auto", 20_000)],
+    [
+        pytest.param(signal.SIGINT, "fmu", 50, marks=pytest.mark.slow),
+        pytest.param(signal.SIGTERM, "fmu", 50, marks=pytest.mark.slow),
+        (signal.SIGINT, "auto", 20_000),
+    ],
 )
 def test_interrupted_sweep_goes_on_later(process, fmus, tmp_path, number, engine, seeds):
     options = ("--seeds", seeds, "--workers", 1, "--fmus", fmus, "--out", tmp_path / "out", "--engine", engine)
@@ -107,13 +111,13 @@ app()
 
 
 @pytest.mark.parametrize("times", [1, 2])
-def test_only_the_second_ctrl_c_while_a_result_is_saved_loses_it(process, fmus, tmp_path, times):
-    started = process(SAVING, times, "run", VALVE, "--fmus", fmus, "--out", tmp_path / "out")
+def test_only_the_second_ctrl_c_while_a_result_is_saved_loses_it(process, write, fmus, tmp_path, times):
+    started = process(SAVING, times, "run", write(), "--fmus", fmus, "--out", tmp_path / "out")
     out, err = started.communicate(timeout=60)
-    file = tmp_path / "out" / "semera_valve.csv"
+    file = tmp_path / "out" / "short.csv"
     waiting = f"interrupted; {file} is being written. Ctrl-C again stops that.\n"
     assert (started.returncode, err) == (130, waiting if times == 1 else waiting + "interrupted.\n")
-    assert ("4043 rows" in out, file.is_file()) == (times == 1, times == 1)
+    assert ("81 rows" in out, file.is_file()) == (times == 1, times == 1)
 
 
 IMPORTING = """
@@ -175,9 +179,16 @@ def test_program_that_is_killed_while_it_loads_leaves_no_process_and_no_folder(p
     assert not list(temporary.iterdir())
 
 
-@pytest.mark.parametrize("delay", [0, 10, 20, 40, 70, 100, 150])
 @pytest.mark.parametrize(
-    "words", [["-m", "gapsense"], [Path(sys.executable).with_name("gapsense")]], ids=["-m", "script"]
+    ("words", "delay"),
+    [
+        pytest.param(words, delay, id=f"{name}-{delay}", marks=[] if delay in quick else pytest.mark.slow)
+        for name, words, quick in (
+            ("-m", ["-m", "gapsense"], (20, 100)),
+            ("script", [Path(sys.executable).with_name("gapsense")], (0, 40, 150)),
+        )
+        for delay in (0, 10, 20, 40, 70, 100, 150)
+    ],
 )
 def test_ctrl_c_at_any_time_shows_no_line_of_ours(fmus, tmp_path, words, delay):
     command = [sys.executable, *words, "run", VALVE, "--fmus", fmus, "--out", tmp_path / "out"]
@@ -209,13 +220,16 @@ coil = 0
 
 
 @pytest.fixture(scope="session")
-def stock(tmp_path_factory):
+def stock(shared):
     """Folder with the stock FMUs of the tests of the runner, of which one hangs."""
-    folder = tmp_path_factory.mktemp("stock")
-    script = Path(__file__).resolve().parents[1] / "cosim" / "stock_fmus.py"
-    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
-    subprocess.run([sys.executable, script, folder], check=True, env=environment, capture_output=True)
-    return folder
+
+    def make(folder):
+        folder.mkdir()
+        script = Path(__file__).resolve().parents[1] / "cosim" / "stock_fmus.py"
+        environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+        subprocess.run([sys.executable, script, folder], check=True, env=environment, capture_output=True)
+
+    return shared("stock", make)
 
 
 @pytest.fixture
@@ -276,7 +290,7 @@ def test_two_ctrl_c_in_a_sweep_leave_no_worker(hanging, tmp_path):
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks for processes")
-@pytest.mark.parametrize(("command", "times"), [("run", 1), ("sweep", 2)])
+@pytest.mark.parametrize(("command", "times"), [pytest.param("run", 1, marks=pytest.mark.slow), ("sweep", 2)])
 def test_killed_program_leaves_no_worker_and_no_files(hanging, tmp_path, command, times):
     started = hanging(command, times=times)
     assert len(workers(tmp_path)) == times

@@ -10,7 +10,7 @@ import pytest
 from gapsense import cosim, shipped
 
 
-@pytest.mark.parametrize("command", ["check", "run", "figure", "test", "sweep"])
+@pytest.mark.parametrize("command", ["check", "run", "figure", "test", pytest.param("sweep", marks=pytest.mark.slow)])
 def test_new_scenario_is_accepted(gapsense, fmus, command):
     assert gapsense("new", "my_valve").exit_code == 0
     done = gapsense(command, "my_valve", "--fmus", fmus)

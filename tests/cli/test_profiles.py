@@ -3,6 +3,8 @@
 import shutil
 from pathlib import Path
 
+import pytest
+
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"
 ONE = (
     ('first" = [1e-3, 1.5e-3, 2e-3, 2.5e-3, 3e-3, 3.5e-3, 4e-3]', 'first" = [2e-3]'),
@@ -21,6 +23,7 @@ def short(folder, *changes):
     return copy
 
 
+@pytest.mark.slow
 def test_study_runs_the_profiles_prints_numbers_and_draws(gapsense, fmus, tmp_path):
     done = gapsense("study", "profiles", short(tmp_path), "--variant", "early", "--fmus", fmus, "--workers", 1)
     assert done.exit_code == 0, done.output

@@ -10,6 +10,7 @@ from gapsense._os.files import read_columns
 PNG = b"\x89PNG\r\n\x1a\n"
 
 
+@pytest.mark.slow
 def test_monte_carlo_prints_tables_and_orderings_and_writes_figures_and_numbers(gapsense, tmp_path):
     out = tmp_path / "new" / "out"
     done = gapsense("study", "monte-carlo", "--runs", 6, "--widths", "1,10", "--workers", 1, "--out", out)
@@ -30,7 +31,7 @@ def test_monte_carlo_prints_tables_and_orderings_and_writes_figures_and_numbers(
 
 
 def test_consistency_prints_its_numbers_beside_the_published(gapsense, tmp_path):
-    done = gapsense("study", "consistency", "--runs", 20, "--out", tmp_path / "out")
+    done = gapsense("study", "consistency", "--runs", 5, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
     assert "89.56 %" in done.output and "4.9477" in done.output and "NEE of e_F,k within +-1.645" in done.output
     for name in ("consistency_nees.png", "consistency_nee.png"):

@@ -25,40 +25,45 @@ def refused(done) -> list[str]:
     return done.stderr.splitlines()
 
 
-def test_voltage_table_is_written_and_its_use_told(gapsense, rising):
-    done = gapsense("soft-landing", "--out", "new/drive.csv", "--making-duration", 5e-3, "--breaking-start", 12e-3)
+TIMES = ("--making-duration", "5e-3", "--breaking-start", "12e-3")
+
+
+@pytest.fixture(scope="module")
+def usual(tmp_path_factory, following):
+    """The table of the actuator as it comes, what the command said, and whether it told how far it was."""
+    file = tmp_path_factory.mktemp("usual") / "new" / "drive.csv"
+    with following() as assert_rising:
+        done = CliRunner().invoke(app, ["soft-landing", "--out", str(file), *TIMES])
+    return file, done, assert_rising
+
+
+def test_voltage_table_is_written_and_its_use_told(usual):
+    file, done, assert_rising = usual
     assert (done.exit_code, done.stderr) == (0, "")
-    times, voltages = read_table(Path("new/drive.csv"), ("time [s]", "voltage [V]"))
-    assert Path("new/drive.csv").read_text("utf-8").startswith("time [s],voltage [V]\n")
+    times, voltages = read_table(file, ("time [s]", "voltage [V]"))
+    assert file.read_text("utf-8").startswith("time [s],voltage [V]\n")
     assert (times[0], times[-1], voltages[0], voltages[-1]) == (0.0, 0.04, 0.0, 0.0)
     assert 20.0 in voltages
     assert re.search(r"^  moving +1 +6 ", done.stdout, re.MULTILINE)
     for words in ("soft_landing.repeat_from = 0.02", f"{len(times)} rows", "nm"):
         assert words in done.stdout
-    rising()
-
-
-@pytest.fixture(scope="module")
-def usual(tmp_path_factory):
-    """The table of the actuator as it comes."""
-    file = tmp_path_factory.mktemp("usual") / "drive.csv"
-    assert CliRunner().invoke(app, ["soft-landing", "--out", str(file)]).exit_code == 0
-    return file
+    assert_rising()
 
 
 def test_heads_of_the_table_are_those_of_a_record(gapsense, usual):
-    found = [line for line in refused(gapsense("identify", usual)) if "row 1" in line]
+    found = [line for line in refused(gapsense("identify", usual[0])) if "row 1" in line]
     assert len(found) == 1 and "column `current` is missing; there are `time`, `voltage`." in found[0]
 
 
+@pytest.mark.slow
 def test_parameters_of_another_actuator_are_taken(gapsense, usual, monkeypatch, tmp_path):
     file = parameters('"mover.mass" = 2e-3\nhysteresis = false\n"gap.law" = "table"\n"gap.file" = "gap.csv"')
     gaps = "\n".join(f"{k}e-4,{k * (3.2e6 - 5e4 * k)}" for k in range(25))
     (tmp_path / "gap.csv").write_text(f"gap,reluctance\n{gaps}\n", encoding="utf-8")
     monkeypatch.chdir(ROOT)
-    done = gapsense("soft-landing", "--out", tmp_path / "a.csv", "--parameters", file)
+    done = gapsense("soft-landing", "--out", tmp_path / "a.csv", "--parameters", file, *TIMES)
     assert (done.exit_code, done.stderr) == (0, "")
-    assert (tmp_path / "a.csv").read_text() != usual.read_text()
+    assert (tmp_path / "a.csv").read_text() != usual[0].read_text()
 
 
 def test_wrong_parameters_are_told_at_once(gapsense, monkeypatch):
@@ -89,7 +94,11 @@ def test_impossible_motion_is_refused_and_nothing_written(gapsense):
 
 
 @pytest.mark.parametrize(
-    ("command", "words"), [("reference-cycle", "-1.223"), ("observability-rts", "never observable: t = 5 ms, 15 ms")]
+    ("command", "words"),
+    [
+        ("reference-cycle", "-1.223"),
+        pytest.param("observability-rts", "never observable: t = 5 ms, 15 ms", marks=pytest.mark.slow),
+    ],
 )
 def test_study_prints_its_numbers_and_draws_its_figure(gapsense, rising, command, words):
     done = gapsense("study", command, "--out", "new/figure.png")

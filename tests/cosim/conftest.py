@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+import warm
 
 from gapsense.cosim.run.loop import compiled
 
@@ -88,15 +89,16 @@ def loop_binary() -> Path:
 
 @pytest.fixture
 def python(fmus: Path, loop_binary: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Runs Python code in a process of its own, for what may crash or kill it; `fmus` is defined in it."""
+    """Runs Python code in a process of its own, for what may crash or kill it; `fmus` is defined in it.
 
-    def python(code: str, **options: object) -> subprocess.CompletedProcess[str]:
+    Where Gapsense is imported already, as in workers: to start a Python takes longer than most of what it is asked for.
+    """
+
+    def python(code: str) -> subprocess.CompletedProcess[str]:
         environment = {**os.environ, "PYTHONPATH": str(SRC)}
         head = f"from pathlib import Path\nfmus = Path({str(fmus)!r})\n"
         head += f"from gapsense.cosim.run.loop import compiled\ncompiled.BINARY = Path({str(loop_binary)!r})\n"
-        return subprocess.run(
-            [sys.executable, "-c", head + code], capture_output=True, text=True, env=environment, timeout=60, **options
-        )
+        return warm.run(head + code, imports=warm.Worker.IMPORTS, given="", env=environment)
 
     return python
 

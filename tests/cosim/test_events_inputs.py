@@ -94,7 +94,7 @@ def text_of(events):
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(case=cases())
 def test_input_is_what_numpy_makes_of_the_source(fmus, tmp_path_factory, case):
     events, step, offset, method = case

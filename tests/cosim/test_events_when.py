@@ -61,7 +61,7 @@ def conditions(draw):
     return values, draw(st.integers(0, 4)), draw(st.booleans()), more, duration, again, draw(st.booleans())
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(case=conditions(), step=st.integers(1, 2), method=st.sampled_from(["gauss-seidel", "jacobi"]))
 def test_condition_begins_and_ends_events_as_counted_by_hand(fmus, tmp_path_factory, case, step, method):
     values, level, is_above, more, duration, again, is_input = case

@@ -107,7 +107,7 @@ def test_window_without_samples_is_refused(write, chain, fmus, window, words):
     assert words in found[0] if words else found == []
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.integers(1, 6),
     st.integers(0, 4),

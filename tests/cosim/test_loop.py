@@ -117,9 +117,21 @@ CASES = st.fixed_dictionaries(
 
 
 @needs_library
-@settings(max_examples=300)
+@settings(max_examples=80)
 @given(case=CASES, is_patient=st.booleans())
 def test_loop_makes_the_same_calls_with_the_same_bits(case, is_patient):
+    compare_loops(case, is_patient)
+
+
+@needs_library
+@pytest.mark.slow
+@settings(max_examples=300)
+@given(case=CASES, is_patient=st.booleans())
+def test_so_it_does_in_many_more_cases(case, is_patient):
+    compare_loops(case, is_patient)
+
+
+def compare_loops(case, is_patient):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled, "PATIENCE", 0.05 if is_patient else 0.0)
         found = Trial(case).run(in_c)

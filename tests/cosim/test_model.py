@@ -68,7 +68,7 @@ LISTS, TABLES = st.lists(VALUES, max_size=3), st.dictionaries(TEXTS, VALUES, max
 
 @example({"description": "a\r\nb\r"})
 @given(st.dictionaries(TEXTS, VALUES | LISTS | TABLES, max_size=4))
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_whatever_is_in_it_is_written_exactly(content):
     with TemporaryDirectory() as folder:
         scenario = Scenario(folder=folder)

@@ -79,17 +79,18 @@ def test_what_a_component_starts_ends_with_a_good_run(write, fmus, temporary, te
 @pytest.mark.parametrize("fault", [*CAUSES, "leave_away"])
 def test_sweep_goes_on_and_leaves_nothing(write, fmus, temporary, fault):
     text = faulty.FAULTY.replace("base_step = 0.1", LIMIT).replace("FAULT", fault)
-    swept = sweep(write(text + '[sweep]\n"coil.at" = [0.5, 5.0]\n'), fmus=fmus)
+    swept = sweep(write(text + '[sweep]\n"coil.at" = [0.5, 5.0]\n'), fmus=fmus, workers=1)
     assert len(swept.errors) == (fault in CAUSES)
     assert all(CAUSES[fault] in error for error in swept.errors.values())
 
 
 SHADOWS = ("numpy", "csv", "queue", "json", "typing", "encodings", "gapsense", "fmpy", "signal", "runpy", "pickle")
-COMMANDS = (("run",), ("sweep", "--workers", "1"))
+PATHS = (None, "here", ":", "", ".", "lib:")
+CASES = [("run", path) for path in PATHS] + [("sweep", path) for path in PATHS[:2]]
+CASES += [pytest.param("sweep", path, marks=pytest.mark.slow) for path in PATHS[2:]]
 
 
-@pytest.mark.parametrize("paths", [None, "", ".", ":", "here", "lib:"])
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda words: words[0])
+@pytest.mark.parametrize(("command", "paths"), CASES)
 def test_nothing_is_imported_from_the_working_folder(write, fmus, tmp_path, monkeypatch, paths, command):
     text = faulty.FAULTY.replace("FAULT", "").replace("[[conn", '[sweep]\n"coil.at" = [5.0]\n[[conn')
     part = write(text.replace('fault = "" }', 'fault = "" }\nisolation = "process"'))
@@ -102,7 +103,7 @@ def test_nothing_is_imported_from_the_working_folder(write, fmus, tmp_path, monk
         monkeypatch.delenv("PYTHONPATH", raising=False)
     else:  # for our processes only: a Python that the user starts so is his own
         monkeypatch.setenv("PYTHONPATH", str(tmp_path) if paths == "here" else paths)
-    result = sweep(part, workers=1, fmus=fmus) if command[0] == "sweep" else run(part, fmus=fmus, isolation="process")
+    result = sweep(part, workers=1, fmus=fmus) if command == "sweep" else run(part, fmus=fmus, isolation="process")
     assert not getattr(result, "errors", None) and not (tmp_path / "PWNED").exists()
 
 

@@ -122,7 +122,7 @@ import sys
 from gapsense.cosim import sweep
 print("ready", flush=True)
 sys.stdin.readline()
-print(sweep(PATH, 30, out=OUT, fmus=fmus).computed)
+print(sweep(PATH, 30, workers=1, out=OUT, fmus=fmus).computed)
 """
 
 
@@ -171,14 +171,14 @@ COMPUTED = """
 import sys
 from gapsense.cosim import sweep
 path, fmus, out = sys.argv[1:]
-result = sweep(path, 2, fmus=fmus, out=out)
+result = sweep(path, 2, workers=1, fmus=fmus, out=out)
 print(result.computed, *result.metrics["spread"])
 """
 
 
 def test_changed_package_is_computed_again(write, fmus, tmp_path):
     package = tmp_path / "copy" / "gapsense"
-    shutil.copytree(Path(gapsense.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(Path(gapsense.__file__).parent, package)  # with what is compiled, which the times of files decide
 
     def swept() -> list[float]:
         command = [sys.executable, "-c", COMPUTED, write(NOISE), fmus, tmp_path / "out"]
@@ -300,7 +300,7 @@ import sys
 sys.path.insert(0, FOLDER)
 import spread_measure
 from gapsense.cosim import sweep
-print(sweep(PATH, 2, fmus=fmus, measure=spread_measure.largest).metrics["largest"].tolist())
+print(sweep(PATH, 2, workers=1, fmus=fmus, measure=spread_measure.largest).metrics["largest"].tolist())
 """
 
 
@@ -318,7 +318,7 @@ INTERRUPT = """
 import os, signal
 from gapsense.cosim import sweep
 stop = lambda done, total: os.kill(os.getpid(), signal.SIGINT) if done == 2 else None
-result = sweep(PATH, 50, out=OUT, fmus=fmus, progress=stop)
+result = sweep(PATH, 50, workers=1, out=OUT, fmus=fmus, progress=stop)
 print(result.interrupted, len(result.indices) >= 2, len(result.indices) < 50)
 """
 

@@ -78,12 +78,12 @@ import sys
 from gapsense.cosim import run
 def memory():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
-for _ in range(30):
+for _ in range(10):
     run(PATH, fmus=fmus)
 before, places = memory(), len(sys.path)
-for _ in range(100):
+for _ in range(40):
     run(PATH, fmus=fmus)
-print((memory() - before) / 100, len(sys.path) - places)
+print((memory() - before) / 40, len(sys.path) - places)
 """
 
 

@@ -144,7 +144,7 @@ def test_wrong_scenario_is_refused_and_the_key_named(folder, fmus, wrong):
     assert all(problem.endswith((".", "?")) and "Traceback" not in problem for problem in found), found
 
 
-@pytest.mark.parametrize("wrong", CORPUS[::12], ids=lambda wrong: wrong.name)
+@pytest.mark.parametrize("wrong", CORPUS[::24], ids=lambda wrong: wrong.name)
 def test_command_ends_with_the_same_sentences(folder, fmus, wrong, tmp_path, monkeypatch):
     import tomli_w
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterable
 from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +26,7 @@ from gapsense.estimators.mhe.model import (
     point,
 )
 from gapsense.fmi.components import kernel_parameters, own
-from gapsense.kernels.emit import compile_graph
-from gapsense.kernels.kernel import Kernel, trace
+from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import Scalar, fields, flat, names, record
 from gapsense.scenarios.estimators.parameters import VALVE, Valve, reduced
 
@@ -36,8 +38,7 @@ class Level(NamedTuple):
     voltage: Scalar
 
 
-class Seen(NamedTuple):
-    current: Scalar
+Told = NamedTuple("Told", [*((name, Scalar) for name in Point._fields), ("current", Scalar)])  # type: ignore[misc]
 
 
 class Run(NamedTuple):
@@ -54,24 +55,29 @@ def blind(valve: Valve = VALVE, **changes: Any) -> mhe.Parameters:
 
 
 @cache
-def _advance() -> Callable[..., Any]:
-    """`advance` and the current of the new point on flat tuples."""
+def _model() -> CKernel:
+    """`advance` and the current of the new point, compiled."""
 
-    def follow(p: Point, u: Level, m: Model) -> tuple[Point, Seen]:
-        new = advance(p, u.voltage, m)
-        return new, Seen(current(new, mean_of(p.voltage, u.voltage, m), m))
+    def initial(inputs: Level, par: Model) -> tuple[Point, Told]:
+        start = Point(*(0.0 for _ in Point._fields))
+        return start, Told(*start, inputs.voltage)
 
-    return compile_graph(trace(follow, {"p": Point, "u": Level, "m": Model}))
+    def step(state: Point, inputs: Level, par: Model) -> tuple[Point, Told]:
+        new = advance(state, inputs.voltage, par)
+        return new, Told(*new, current(new, mean_of(state.voltage, inputs.voltage, par), par))
+
+    records = {"Parameters": Model, "State": Point, "Inputs": Level, "Outputs": Told}
+    module = SimpleNamespace(__name__="model_of_mhe", **records, initial=initial, step=step)
+    with tempfile.TemporaryDirectory() as folder:
+        return CKernel(Kernel(module), Path(folder))  # type: ignore[arg-type]
 
 
 def model_run(start: Point, voltage: Iterable[float], m: Model) -> Run:
     """The model on the voltages after the start."""
-    p, entries, points, currents = tuple(start), tuple(flat(m)), [tuple(start)], [float(current(start, 0.0, m))]
-    for u in voltage:
-        p, (i,) = _advance()(p, (u,), entries)
-        points.append(p)
-        currents.append(i)
-    return Run(np.array(points, float), np.array(currents, float))
+    c = _model()
+    c.state[:] = flat(start)
+    found = c.run(np.array([*voltage], float)[:, None], m, is_later=True)
+    return Run(np.vstack([flat(start), found[:, :-1]]), np.r_[float(current(start, 0.0, m)), found[:, -1]])
 
 
 def at_rest(m: Model, lam: float = 0.0) -> Point:

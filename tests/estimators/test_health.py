@@ -189,7 +189,7 @@ def test_operations_that_last_for_another_time_are_no_fault(seed: int) -> None:
     assert np.all(run_blind(blind(), s)["health"] == 1.0)
 
 
-@pytest.mark.parametrize("before", [0, 20])
+@pytest.mark.parametrize("before", [pytest.param(0, marks=pytest.mark.slow), 20])
 @pytest.mark.parametrize("filtered", ["bounded_ukf", "hybrid_ekf", "ekf"])
 def test_a_rest_costs_the_filters_nothing(filtered: str, before: int) -> None:
     """3 s of noise of 2 mA and 30 mV, before the first operation and after 20; the page has 600 s."""
@@ -332,7 +332,7 @@ def test_the_hybrid_filter_tells_faults_though_the_supply_is_drawn_anew(fault: s
     assert (wrong & (health == 1.0))[begins:ends].sum() <= 0.06 * wrong[begins:ends].sum()
 
 
-@pytest.mark.parametrize("kind", ["hold", "sine", "steps"])
+@pytest.mark.parametrize("kind", [*(pytest.param(kind, marks=pytest.mark.slow) for kind in ("hold", "sine")), "steps"])
 @pytest.mark.parametrize("filtered", [run_blind_signals, run_hybrid])
 def test_a_servo_is_told_at_once(filtered: Any, kind: str) -> None:
     """Its voltage, far from the usual supplies, counted as one: 91 and 100 % of the wrong time had 1."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import integral_textbook
 import numpy as np
 import pytest
+from c_code import run as run_in_c
 from signals import DT, REST, Signal, valve_like
 
 from gapsense.estimators import integral
@@ -21,14 +22,15 @@ ORACLE = (DT, 77.5, 50e-3, 0.0, 3.29e-3, 15.0)
 
 
 def run(u: np.ndarray, iota: np.ndarray, par: integral.Parameters = PAR) -> dict[str, np.ndarray]:
-    """Outputs of the samples from 1 on, by name; in generated Python, on flat tuples."""
-    scalar = KERNEL.scalar
-    state, _ = scalar["initial"]((0.0, float(u[0]), float(iota[0])), par)
-    rows = []
-    for k in range(1, len(u)):
-        state, outputs = scalar["step"](state, (k * DT, float(u[k]), float(iota[k])), par)
-        rows.append(outputs)
-    return dict(zip(integral.Outputs._fields, np.array(rows).T))
+    """Outputs of the samples from 1 on, by name."""
+    found = run_in_c(integral, np.c_[np.arange(len(u)) * DT, u, iota], par)[1:]
+    return dict(zip(integral.Outputs._fields, found.T))
+
+
+def run_python(u: np.ndarray, iota: np.ndarray, par: integral.Parameters) -> np.ndarray:
+    """The same from generated Python, which must not raise where C goes on."""
+    _, rows = KERNEL.run(np.c_[np.arange(len(u)) * DT, u, iota].tolist(), par)
+    return np.array(rows[1:], float)
 
 
 def operations(*lengths: int, low: int = 60) -> Signal:
@@ -147,6 +149,17 @@ def test_lost_readings_are_bridged_and_forgotten(kind: float, which: str, at: in
     np.testing.assert_allclose(found["resistance"][back:], clean["resistance"][back:], rtol=0.0, atol=0.1)
     assert np.sqrt(np.mean((found["flux_linkage"][back:] - signal.flux_linkage[back + 1 :]) ** 2)) < 0.25e-3
     assert all(np.all(np.isfinite(v)) for v in run(u, iota, PAR._replace(offline=1.0)).values())
+
+
+@pytest.mark.parametrize("offline", [0.0, 1.0])
+@pytest.mark.parametrize("kind", [np.nan, np.inf, -np.inf, 10.0, -1e300])
+def test_python_bridges_lost_readings_with_the_same_bits(kind: float, offline: float) -> None:
+    signal, par = valve_like(cycles=4), PAR._replace(offline=offline)
+    u, iota = signal.u.copy(), signal.iota.copy()
+    u[905:925], iota[915:1100] = 1e2 * kind, kind
+    iota[820] = kind
+    expected = np.array([*run(u, iota, par).values()]).T
+    np.testing.assert_array_equal(run_python(u, iota, par), expected)
 
 
 def test_readings_lost_in_every_operation_do_not_leave_the_resistance_out_of_date() -> None:

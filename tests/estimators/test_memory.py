@@ -75,10 +75,14 @@ def test_with_the_right_resistance_it_costs_little() -> None:
     assert found.ekf < paper.ekf and found.ertss < 1.1 * paper.ertss and found.flux_linkage < paper.flux_linkage
 
 
+@pytest.mark.slow
 def test_the_tuning_holds_at_another_sampling_period() -> None:
     """The process noise is a rate: one of so much per sample has 137 um and 20 um here."""
     paper, found = (errors(believed(memory, sample_time=5e-6)) for memory in (0.0, None))
     assert paper.ekf < 70.0 and found.ekf < 6.0 and found.ertss < 1.2  # 65, 4.7 and 1.04 um
+
+
+def test_process_noise_is_a_rate() -> None:
     fast, usual = (
         np.array(process_noise(normalise_model(p), tuning(p)), float) for p in (believed(sample_time=5e-6), believed())
     )
@@ -87,6 +91,7 @@ def test_the_tuning_holds_at_another_sampling_period() -> None:
     assert usual[2, 2] == par.process_flux_linkage**2 and usual[3, 3] == par.process_current_error**2
 
 
+@pytest.mark.slow
 def test_how_long_the_memory_may_be() -> None:
     """The longer it is, the smaller the error of the resistance that runs away again."""
     found = {(tau, r): errors(believed(tau, r)).flux_linkage for tau in (0.33e-3, 0.66e-3, 1.3e-3) for r in (1.1, 1.2)}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from c_code import CKernel
+from c_code import CKernel, fresh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from semera_textbook import Result
@@ -18,16 +18,18 @@ from signals import DT, REST, TABLE_II, Signal, valve_like
 from gapsense.estimators import semera
 from gapsense.estimators.readings import LOST, UNLEARNT
 from gapsense.kernels.kernel import Kernel
-from gapsense.kernels.layout import names
+from gapsense.kernels.layout import names, record
 
 KERNEL = Kernel(semera)
+RESISTANCE = semera.Outputs._fields.index("resistance")
 AFTER = REST + 400  # first sample of the second cycle
 
 
 def run(signal: Signal, par: semera.Parameters = TABLE_II) -> tuple[dict[str, np.ndarray], Any]:
-    """Outputs of all samples by name, and the last state; in generated Python."""
-    state, rows = KERNEL.run(zip(signal.u.tolist(), signal.iota.tolist()), par)
-    return dict(zip(semera.Outputs._fields, np.array(rows, float).T)), state
+    """Outputs of all samples by name, and the last state."""
+    c = fresh(semera)
+    found = c.run(np.c_[signal.u, signal.iota], par)
+    return dict(zip(semera.Outputs._fields, found.T)), record(semera.State, c.state.tolist())
 
 
 def by_textbook(signal: Signal, joseph: bool, dtype: Any = np.float64) -> Result:
@@ -81,16 +83,11 @@ def resistance_errors_in_single_precision(folder: Path) -> dict[str, float]:
     found: dict[str, list[float]] = {"printed, float32": [], "Joseph, float32": [], "float64": [], "C, float32": []}
     for seed in range(12):
         signal = valve_like(seed=seed)
-        code.call("initial", (signal.u[0], signal.iota[0]), TABLE_II)
-        r = [TABLE_II.prior_resistance]
-        for given_ in zip(signal.u[1:], signal.iota[1:]):
-            code.call("step", given_, TABLE_II)
-            r.append(float(code.outputs[0]))
         for name, values in (
             ("printed, float32", by_textbook(signal, False, np.float32).r),
             ("Joseph, float32", by_textbook(signal, True, np.float32).r),
-            ("float64", by_textbook(signal, True).r),
-            ("C, float32", np.array(r)),
+            ("float64", run(signal)[0]["resistance"]),
+            ("C, float32", code.run(np.c_[signal.u, signal.iota], TABLE_II)[:, RESISTANCE]),
         ):
             found[name].append(float(np.sqrt(np.mean((values[AFTER:].astype(float) - 76.0) ** 2))))
     return {name: float(np.median(values)) for name, values in found.items()}
@@ -329,6 +326,17 @@ def test_the_first_operation_is_told_not_to_be_known(off: float) -> None:
     error, told = np.abs(found["flux_linkage"] - signal.flux_linkage), found["health_causes"] == UNLEARNT
     assert np.all(told[: REST + 200]) and not np.any(told[AFTER:]) and np.all(found["health"][AFTER:] == 1.0)
     assert error.max() > 4e-3 and np.mean(told[error > 1e-3]) > 0.97
+
+
+@pytest.mark.parametrize("kind", [np.nan, np.inf, -np.inf, 10.0, -1e300])
+def test_python_leaves_lost_readings_out_with_the_same_bits(kind: float) -> None:
+    signal = valve_like(cycles=3)
+    u, iota = signal.u.copy(), signal.iota.copy()
+    u[905:925], iota[915:960] = 1e2 * kind, kind
+    iota[820] = kind
+    _, rows = KERNEL.run(zip(u.tolist(), iota.tolist()), DEFAULT)
+    expected, _ = run(signal._replace(u=u, iota=iota), DEFAULT)
+    np.testing.assert_array_equal(np.array(rows, float).T, [*expected.values()])
 
 
 def test_nothing_but_lost_readings() -> None:

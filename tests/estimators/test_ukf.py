@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import valve_model_textbook as textbook
 from c_code import driven
+from c_code import run as run_in_c
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from table_i import defaults
@@ -41,8 +42,8 @@ def record(volts: float = 30.0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
 
 def run(voltage: Any, current: Any, par: Any) -> dict[str, np.ndarray]:
     """Outputs of all samples by name."""
-    _, rows = KERNEL.run([(float(v), float(i), 0.0) for v, i in zip(voltage, current)], par)
-    return dict(zip(FIELDS, np.array(rows, float).T))
+    found = run_in_c(ukf, np.c_[voltage, current, np.zeros(len(voltage))], par)
+    return dict(zip(FIELDS, found.T))
 
 
 def noisy(volts: float = 30.0, size: float = 0.01, seed: int = 1) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:

@@ -20,7 +20,7 @@ from gapsense.fmi.shim.build import SHIM
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
 
-FRESH_PROCESSES = [8, pytest.param(40, marks=pytest.mark.slow)]
+FRESH_PROCESSES = [4, pytest.param(40, marks=pytest.mark.slow)]
 
 FMPY = """
 import sys, fmpy, fmpy.fmi2

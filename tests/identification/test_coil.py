@@ -90,7 +90,10 @@ DEVICES = {
 }
 
 
-@pytest.mark.parametrize("words", DEVICES)
+QUICK = ("constant inductance", "eddy currents", "saturation + eddy currents + hysteresis")
+
+
+@pytest.mark.parametrize("words", [w if w in QUICK else pytest.param(w, marks=pytest.mark.slow) for w in DEVICES])
 def test_form_and_parameters_that_made_a_record_are_found(words):
     true = PLAIN._replace(**DEVICES[words])
     coil = fit_coil([coil_record(true)])
@@ -100,7 +103,7 @@ def test_form_and_parameters_that_made_a_record_are_found(words):
     assert coil.errors["resistance"] < 1e-3
 
 
-@pytest.mark.parametrize("floor", [False, True])
+@pytest.mark.parametrize("floor", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("parts", [{}, CORE])
 def test_coarse_converter_is_within_the_errors(parts, floor):
     true = PLAIN._replace(**parts)
@@ -117,9 +120,9 @@ def test_two_records_have_one_coil_and_another_one_is_predicted():
     assert validate_coil(coil, third).rms < 1.1 * coil.residuals[0].noise
 
 
-def test_best_reading_of_the_voltage_is_taken_only_where_it_matters():
-    assert fit_coil([coil_record()], conventions=CONVENTIONS).convention == "trapezoid"
-    assert fit_coil([coil_record(PLAIN._replace(**EDDY))], conventions=CONVENTIONS).convention == "trapezoid"
+@pytest.mark.parametrize("parts", [pytest.param({}, marks=pytest.mark.slow), EDDY])
+def test_best_reading_of_the_voltage_is_taken_only_where_it_matters(parts):
+    assert fit_coil([coil_record(PLAIN._replace(**parts))], conventions=CONVENTIONS).convention == "trapezoid"
 
 
 @pytest.mark.parametrize(
@@ -147,9 +150,9 @@ def test_valve_that_is_held_is_a_coil_that_saturates(seed):
 
 
 def test_records_that_do_not_agree_are_told():
-    coil, (said,) = coil_of("auto", [record(par=LOCKED, seed=1), record(seed=1)], VALVE, None, ())
+    coil, (said,) = coil_of("auto", [record(periods=1, par=LOCKED, seed=1), record(periods=1, seed=1)], VALVE, None, ())
     assert coil is None and said == "valve: a coil without motion explains it, but not the others."
-    others = [coil_record(), coil_record(PLAIN._replace(air=150.0))]
+    others = [coil_record(pulses=(12.0,)), coil_record(PLAIN._replace(air=150.0), pulses=(12.0,))]
     coil, (said,) = coil_of("auto", others, VALVE, None, ())
     assert coil is not None and not coil.is_explained and "no one coil" in said
 

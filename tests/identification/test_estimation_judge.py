@@ -39,7 +39,12 @@ def verdicts(fmus, measured, names, values):
 
 
 @pytest.mark.parametrize(
-    ("volts", "on", "seed", "noise"), [(24.0, 400, 1, 1e-3), (30.0, 300, 2, 3e-4), (42.0, 200, 3, 4e-3)]
+    ("volts", "on", "seed", "noise"),
+    [
+        (24.0, 400, 1, 1e-3),
+        pytest.param(30.0, 300, 2, 3e-4, marks=pytest.mark.slow),
+        pytest.param(42.0, 200, 3, 4e-3, marks=pytest.mark.slow),
+    ],
 )
 def test_sound_estimates_are_silent(fmus, volts, on, seed, noise):
     values = {**GIVEN, "noise.current": noise, "noise.voltage": 15.0 * noise}

@@ -367,7 +367,9 @@ def from_table(folder, magnet, more=None, seed=1):
     return 1e6 * rms((found - z)[inside])
 
 
-@pytest.mark.parametrize(("magnet", "volts"), [(LONG, 12.0), (LONG, 14.0), (SHORT, 12.0)])
+@pytest.mark.parametrize(
+    ("magnet", "volts"), [pytest.param(LONG, 12.0, marks=pytest.mark.slow), (LONG, 14.0), (SHORT, 12.0)]
+)
 def test_first_currents_tell_eddy_currents_that_no_table_tells(tmp_path, magnet, volts):
     """0.5 mS were believed, of 4.4 mS, and the position was 1.2, 1.4 and 4.5 % of the stroke off until the landing."""
     assert from_table(tmp_path, magnet._replace(volts=volts)) < 0.005e6 * magnet.stroke

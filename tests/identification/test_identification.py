@@ -136,7 +136,7 @@ def test_minima_that_are_sought_together_have_the_bits_that_they_have_alone():
     starts = [np.full(form.start.size, 0.05 * k) for k, form in enumerate(forms)]
     found = minimise_together([Weighted(form, firsts) for form in forms], starts, NEAR)
     for form, start, end in zip(forms, starts, found):
-        np.testing.assert_array_equal(end, Fit(form).least_squares(start, firsts, NEAR))
+        np.testing.assert_array_equal(end.point, Fit(form).least_squares(start, firsts, NEAR))
 
 
 def test_validation_on_another_drive_has_only_noise_left():

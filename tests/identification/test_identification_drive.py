@@ -61,7 +61,7 @@ def test_validation_of_a_late_record_needs_the_same_delay():
 
 
 def test_record_that_is_not_late_keeps_its_times():
-    result = fit_valve([made(23)], VALVE, starts=1, sought=Sought(("eddy",)))
+    result = fit_valve([made(23, 1)], VALVE, starts=1, sought=Sought(("eddy",)))
     assert result.drive == {} and result.uncertainty.causes == {}
 
 
@@ -125,6 +125,7 @@ def test_hum_that_moves_the_current_at_rest_is_no_drift():
 def test_filter_of_both_channels_makes_no_eddy_currents():
     result = fit_valve([made(27, blurred=32e-6)], VALVE, starts=1, conventions=CONVENTIONS, sought=Sought(("eddy",)))
     assert result.is_explained and result.convention == "filtered"
+    assert any("Both channels come through a low-pass" in said for said in remarks(result))
     assert "core_eddy" not in {*result.names} - {*result.poor}
     assert max(map(abs, z(result).values())) < 3.0
 
@@ -246,16 +247,19 @@ def test_first_edge_just_after_a_sample_is_found_there():
     assert max(map(abs, z(result).values())) < 4.0
 
 
-def test_slow_driver_is_no_filter_of_the_sensors():
+@pytest.mark.parametrize(
+    ("slow", "conventions"),
+    [({"slew": 150e-6}, CONVENTIONS), pytest.param({"lag": 40e-6}, ("slow",), marks=pytest.mark.slow)],
+)
+def test_slow_driver_is_no_filter_of_the_sensors(slow, conventions):
     """Its edges were called `filtered`, and its lag was taken for one of the instruments."""
-    for slow, conventions in (({"slew": 150e-6}, CONVENTIONS), ({"lag": 40e-6}, ("slow",))):
-        c = Condition(edge=0.3, eddy=3e-4, **slow)
-        one = imperfect(c, 30.0, 2, np.random.default_rng(28))
-        result = fit_valve([one], VALVE, starts=1, conventions=conventions, sought=Sought(("eddy",)))
-        said = " ".join(remarks(result))
-        assert result.is_explained and result.convention == "slow", slow
-        assert "The driver is slow" in said and "Both channels" not in said and "best read as `slow`" in said
-        assert max(map(abs, off(c, result).values())) < 3.0, off(c, result)
+    c = Condition(edge=0.3, eddy=3e-4, **slow)
+    one = imperfect(c, 30.0, 2, np.random.default_rng(28))
+    result = fit_valve([one], VALVE, starts=1, conventions=conventions, sought=Sought(("eddy",)))
+    said = " ".join(remarks(result))
+    assert result.is_explained and result.convention == "slow", slow
+    assert "The driver is slow" in said and "Both channels" not in said and "best read as `slow`" in said
+    assert max(map(abs, off(c, result).values())) < 3.0, off(c, result)
 
 
 @pytest.mark.parametrize("carrier", [9 * 50e-6, 9.3 * 50e-6])

@@ -160,12 +160,15 @@ def test_plain_form_alone_is_further_off(name):
     assert off[0] > 8e-3 > 5e-3 > off[1]
 
 
-def test_sound_record_stays_plain():
-    for seed in range(2):
-        result = fit_valve([record(seed=seed)], GUESS, starts=1)
-        assert result.form.added == () and isinstance(result.parameters, type(VALVE))
-        assert len(result.trials) == 6 and max(t.evidence for t in result.trials[1:]) < 3.0
-    assert len(fit_valve([record()], GUESS, starts=1).trials) == 1  # nothing is left that could be told
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_sound_record_stays_plain(seed):
+    result = fit_valve([record(seed=seed)], GUESS, starts=1)
+    assert result.form.added == () and isinstance(result.parameters, type(VALVE))
+    assert len(result.trials) == 6 and max(t.evidence for t in result.trials[1:]) < 3.0
+
+
+def test_nothing_more_is_tried_where_nothing_is_left():
+    assert len(fit_valve([record()], GUESS, starts=1).trials) == 1
 
 
 @pytest.mark.slow
@@ -176,9 +179,9 @@ def test_voltage_between_samples_is_found_in_spite_of_eddy_currents():
 
 def test_scale_of_the_gap_law_takes_the_place_of_turns_that_are_held():
     measured = record(seed=1)
-    free = fit_valve([measured], GUESS._replace(gap_slope=2.0 * VALVE.gap_slope), starts=1)
+    free = fit_valve([measured], GUESS._replace(gap_slope=2.0 * VALVE.gap_slope), starts=1, sought=Sought(()))
     known = GUESS._replace(coil_turns=VALVE.coil_turns, gap_slope=2.0 * VALVE.gap_slope)
-    held = fit_valve([measured], known, starts=1, sought=Sought(held=("coil_turns",)))
+    held = fit_valve([measured], known, starts=1, sought=Sought((), held=("coil_turns",)))
     assert held.form.fitted[-1] == "gap_slope" and held.parameters.coil_turns == VALVE.coil_turns
     errors = dict(zip(held.names, held.uncertainty.relative))
     assert abs(held.parameters.gap_slope / VALVE.gap_slope - 1.0) < 3.0 * errors["gap_slope"]
@@ -219,7 +222,7 @@ def test_devices_at_several_points_are_those_at_each(known):
 
 
 def test_what_has_no_effect_is_held_at_the_first_guess():
-    result = fit_valve([record(seed=1, volts=6.0)], GUESS, starts=2)
+    result = fit_valve([record(seed=1, volts=6.0)], GUESS, starts=1, sought=Sought(()))
     assert set(result.held) == {"mover_mass", "spring_stiffness", "damping"}
     assert all(value_of(result.parameters, name) == getattr(GUESS, name) for name in result.held)
     assert np.isfinite(result.uncertainty.relative).all()

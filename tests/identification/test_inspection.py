@@ -72,6 +72,7 @@ def seconds(count):
     return process_time() - began
 
 
+@pytest.mark.slow
 def test_time_grows_with_the_length_of_a_record_not_with_its_square():
     seconds(10)  # what is computed once
     assert seconds(640) < 2.5 * 8.0 * max(seconds(80), seconds(80))
@@ -219,8 +220,14 @@ def test_axes_have_units_that_suit_the_values(largest, label, factor):
     assert text == label and scale == pytest.approx(factor)
 
 
-@pytest.mark.parametrize("on", [5e-3, 0.03, 0.4])
-@pytest.mark.parametrize("noise", [1.0, 4.0])
+@pytest.mark.parametrize(
+    ("on", "noise"),
+    [
+        *((on, noise) for noise in (1.0, 4.0) for on in (5e-3, 0.03)),
+        pytest.param(0.4, 1.0, marks=pytest.mark.slow),
+        (0.4, 4.0),
+    ],
+)
 def test_closing_is_seen_however_long_the_coil_is_held(on, noise):
     """In 0.4 s the current was averaged over 16 ms, in which the mover lands."""
     c = Condition(on=on, period=on + 12e-3, noise=noise)

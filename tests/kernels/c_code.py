@@ -74,6 +74,7 @@ class CKernel:
         self.state = self._scalars(kernel.module.State)
         self.outputs = self._scalars(kernel.module.Outputs)
         self.par: tuple[Any, Values] = (None, self._values(()))  # those of the last call, and as arrays
+        self.where: tuple[Any, Any] = (None, None)  # array memory of the last call, and its addresses
 
     def _scalars(self, cls: type) -> np.ndarray:
         arrays = [key for key, f in fields(cls).items() if f.kind in ("memory", "table")]
@@ -83,10 +84,12 @@ class CKernel:
         """Call `initial` or `step` in place: the state in is the state out."""
         if par is not self.par[0]:
             self.par = par, self._values(flat(par))
+        if self.memory is not self.where[0]:
+            self.where = self.memory, _addresses(self.memory)
         given, own = np.array([*inputs], self.real), self.par[1]
         getattr(self.library, f"{self.kernel.name}_{function}")(
             _address(self.state),
-            _addresses(self.memory),
+            self.where[1],
             _address(given),
             _address(own.scalars),
             own.addresses,
@@ -168,4 +171,4 @@ def _address(array: np.ndarray) -> ctypes.c_void_p:
 
 
 def _addresses(arrays: list[np.ndarray]) -> Any:
-    return (ctypes.c_void_p * max(1, len(arrays)))(*(a.ctypes.data for a in arrays))
+    return (ctypes.c_void_p * max(1, len(arrays)))(*(a.__array_interface__["data"][0] for a in arrays))

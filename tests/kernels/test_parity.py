@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from c_code import CKernel
 from kernel_cases import (
+    components,
     covariance_diagonal,
     disturbed,
     input_sequence,
@@ -19,11 +20,16 @@ from kernel_cases import (
     parameters,
 )
 
-from gapsense.kernels.layout import flat, record
+from gapsense.embedded.design import prune_graphs
+from gapsense.fmi.components import kernel_parameters, own
+from gapsense.kernels.emit import Graph, Python, indexing, namespace
+from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, names, record
 
 RUNS = 8
 FEW, MANY = (3, 20), (8, 50)  # random sequences, and their lengths
 SLOW = "gapsense.actuators.play_actuator"  # whose source takes 50 ms per step: a third of them
+LONG = ("gapsense.estimators.mhe.mhe", "gapsense.control.run_to_run")  # whose code takes a second to generate
 SMALL = ("gapsense.estimators.integral", "gapsense.sensor.sensor", "gapsense.actuators.pot_magnet")
 MODULES = kernel_modules()
 ERRORS = (ZeroDivisionError, OverflowError, ValueError)  # of Python, where C goes on with inf or NaN
@@ -131,6 +137,13 @@ def test_a_record_in_one_call_equals_its_steps(name: str, tmp_path: Path) -> Non
         assert same(CKernel(k, tmp_path).run(np.array(inputs), par), expected)
 
 
+def test_kernels_need_no_thousand_names(name: str) -> None:
+    """What a step needs beside its arguments: a frame that fits the rest of a piece of CPython's stack."""
+    step = kernel(name).scalar["step"]
+    temporaries = [v for v in step.__code__.co_varnames if v[0] == "t" and v[1:].isdigit()]
+    assert len(temporaries) <= 200
+
+
 @pytest.mark.parametrize("sequences", [FEW[0], pytest.param(MANY[0], marks=pytest.mark.slow)])
 def test_single_precision_c_stays_finite(name: str, sequences: int, tmp_path: Path) -> None:
     c = CKernel(kernel(name), tmp_path, single=True)
@@ -151,3 +164,78 @@ def test_generated_code_names_its_source(small: str) -> None:
     k = kernel(small)
     for text in (k.python(), k.c()):
         assert k.module.__name__ in text.splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "seeds"),
+    [
+        pytest.param(name, seeds, marks=[pytest.mark.slow] if name in LONG or len(seeds) > 1 else [])
+        for name in MODULES
+        for seeds in (range(1), range(1, 12))
+    ],
+    ids=lambda value: value if isinstance(value, str) else "more" if len(value) > 1 else "one",
+)
+def test_any_choice_of_outputs_has_the_bits_of_all(name: str, seeds: range) -> None:
+    k = kernel(name)
+    for seed in seeds:
+        rng = random.Random(f"{name} {seed}")
+        every = names(k.module.Outputs)
+        chosen = set(rng.sample(every, rng.randrange(1, len(every))))
+        space = pruned_code(*prune_graphs(*k.graphs, chosen, Python))
+        par = parameters(name, rng)
+        inputs = [*input_sequence(name, rng, 20, degenerate=False)]
+        state, outputs = k.scalar["initial"](flat(inputs[0]), flat(par))
+        few, found = space["initial"](inputs[0], par)
+        for given in inputs[1:]:
+            assert found == tuple(value for n, value in zip(every, outputs) if n in chosen)
+            state, outputs = k.scalar["step"](state, flat(given), flat(par))
+            few, found = space["step"](few, given, par)
+
+
+def pruned_code(initial: Graph, step: Graph, kept: dict[str, list[str]]) -> dict[str, Any]:
+    """The functions as Python on records that hold more than they need."""
+    space = namespace(Python.module(Python(initial).source(), Python(step).source()), "needed")
+
+    def few(record: Any, name: str) -> tuple[Any, ...]:
+        values = dict(zip(names(type(record)), flat(record)))
+        return tuple(values[entry] for entry in kept[name])
+
+    return {
+        "initial": lambda inputs, par: space["initial"](few(inputs, "inputs"), few(par, "par")),
+        "step": lambda state, inputs, par: space["step"](state, few(inputs, "inputs"), few(par, "par")),
+    }
+
+
+@pytest.mark.parametrize("samples", [1000, pytest.param(3000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [name for name, (component, _) in components().items() if component.kernel == name])
+def test_states_of_random_runs_are_such_states(name: str, samples: int) -> None:
+    """What a run makes is never refused."""
+    (component, folder), k = components()[name], kernel(name)
+    par, rng = kernel_parameters(own(folder.name), {}), random.Random(folder.name)
+    if not k.wholes:
+        assert not indexing(k.graphs[1])
+        return
+    every_input = names(k.module.Inputs)
+    fields_of = [entry for entry in every_input if entry != "time"]
+    clock = ["time"] if "time" in every_input else []
+    ports = {port.field: port for port in component.of("input")}
+    given = dict.fromkeys(fields_of, 0.0)
+    period = dict(zip(names(k.module.Parameters), flat(par)))["sample_time"]
+    state, _ = k.initial(k.module.Inputs(**given, **dict.fromkeys(clock, 0.0)), par)
+    for n in range(1, samples):
+        for field in fields_of:
+            if rng.random() < 0.02:
+                port = ports[field]
+                low = -port.nominal if port.min is None else port.min
+                high = port.nominal if port.max is None else port.max
+                given[field] = float(rng.randint(0, 3)) if "mode" in field else rng.choice((low, high, 0.0))
+        state, _ = k.step(state, k.module.Inputs(**given, **dict.fromkeys(clock, n * period)), par)
+        assert fit(flat(state), k), n
+
+
+def fit(entries: list[Any], k: Kernel) -> bool:
+    for entry, first, every, least, most in k.wholes:
+        found = entries[entry] if isinstance(entries[entry], list) else [entries[entry]]
+        if not all(least <= x <= most and x % 1.0 == 0.0 for x in found[first::every]):
+            return False
+    return True

@@ -11,7 +11,7 @@ from c_code import build_graph
 
 from gapsense.kernels.emit import Graph, Python, namespace
 from gapsense.kernels.kernel import trace
-from gapsense.kernels.layout import Array, Memory, Table
+from gapsense.kernels.layout import Array, Memory, Table, names
 
 
 class Inputs(NamedTuple):
@@ -55,18 +55,18 @@ def compiled(text: str) -> Callable[..., Any]:
     return namespace(Python.module(text), "traced")["step"]
 
 
-def run_python(function: Callable[..., Any], *values: float) -> Any:
-    result = compiled(python_text(function))(values)
-    return result[0] if isinstance(result, tuple) else result
+def run_python(function: Callable[..., Any], *values: float, outputs: type = Outputs) -> Any:
+    result = compiled(python_text(function, outputs))(values)
+    return result[0] if isinstance(result, tuple) and outputs is Outputs else result
 
 
-def run_c(function: Callable[..., Any], folder: Path, *values: float) -> float:
-    g = graph(function)
+def run_c(function: Callable[..., Any], folder: Path, *values: float, outputs: type = Outputs) -> Any:
+    g = graph(function, outputs)
     library = build_graph(g, folder)
-    given, found = (ctypes.c_double * 3)(*values), (ctypes.c_double * 1)()
+    given, found = (ctypes.c_double * 3)(*values), (ctypes.c_double * len(names(outputs)))()
     none = ctypes.c_void_p(None)
     library.step(none, none, given, none, none, none, found)
-    return found[0]
+    return found[0] if outputs is Outputs else tuple(found)
 
 
 def memory_step(g: Graph, folder: Path) -> Callable[[list[float], Inputs], float]:

@@ -19,7 +19,12 @@ RUNS, SAMPLES = 11, 40  # a number of runs that no vector divides
 LARGE = {  # their C takes seconds to compile
     *("gapsense.actuators.reluctance_actuator", "gapsense.control.run_to_run", "gapsense.estimators.ekf"),
     *("gapsense.estimators.ertss", "gapsense.estimators.mhe.mhe", "gapsense.estimators.ukf"),
-    *("gapsense.actuators.table_actuator", "gapsense.drive.power_stage", "gapsense.estimators.monitor.monitor"),
+    *(
+        "gapsense.actuators.table_actuator",
+        "gapsense.actuators.play_actuator",
+        "gapsense.drive.power_stage",
+        "gapsense.estimators.monitor.monitor",
+    ),
 }
 ERRORS = (ZeroDivisionError, OverflowError, ValueError)  # of Python, where C goes on with inf or NaN
 

@@ -84,6 +84,16 @@ def test_without_a_compiler_python_computes_and_says_so_once(named, tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
+def test_ziglang_compiles_where_there_is_no_other(monkeypatch):
+    monkeypatch.setenv("CC", "")
+    monkeypatch.setenv("PATH", "")
+    for offered, found in (("0.17.1", ("zig", "cc")), (None, None)):
+        monkeypatch.setattr(native, "zig_version", lambda offered=offered: offered)
+        monkeypatch.setattr(native, "zig_compiler", lambda: ("zig", "cc"))
+        assert native.own_compiler() == found
+
+
+@pytest.mark.slow
 def test_the_compiler_of_ziglang_computes_where_there_is_no_other(tmp_path):
     """Python did, on most machines with Windows: 170 s in place of 11 to identify the sample record."""
     if not native.zig_version():
@@ -157,20 +167,33 @@ def opened(file: Path) -> None:
 @pytest.mark.parametrize(
     "harm", [cut, flipped, emptied, made_folder, made_link, made_pipe, opened, given_away], ids=lambda f: f.__name__
 )
-def test_what_is_not_as_it_was_compiled_is_compiled_anew(harm, tmp_path, compiler):
+def test_what_is_not_as_it_was_compiled_is_compiled_anew(harm, fresh, compiler):
     needs_root(harm is given_away)
+    file = library.build_library(text())
+    content = file.read_bytes()
+    harm(file)
+    for is_harmed in (True, False):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            library._warn.cache_clear()
+            assert library.build_library(text()) == file
+        assert ["compiled again" in str(w.message) for w in told] == [True] * (
+            is_harmed and harm in (opened, given_away)
+        )
+        assert file.lstat().st_mode & 0o170777 == 0o100700 and file.lstat().st_uid == os.geteuid()
+        assert file.read_bytes() == content
+
+
+def test_a_process_that_finds_harmed_libraries_computes_with_new_ones(tmp_path, compiler):
     cache = {library.CACHE: str(tmp_path / "cache")}
     assert child(**cache).stdout.strip() == f"{FOUND} True"
     contents = {file: file.read_bytes() for file in (tmp_path / "cache").iterdir()}
+    assert len(contents) == 2  # the function, and what calls it
     for file in contents:
-        harm(file)
-    for _ in range(2):
-        done = child(**cache)
-        assert done.stdout.strip() == f"{FOUND} True", done.stderr
-    assert len(contents) == 2 and "anew" not in done.stderr
-    for file, content in contents.items():
-        assert file.lstat().st_mode & 0o170777 == 0o100700 and file.lstat().st_uid == os.geteuid()
-        assert file.read_bytes() == content
+        cut(file)
+    done = child(**cache)
+    assert done.stdout.strip() == f"{FOUND} True", done.stderr
+    assert {file: file.read_bytes() for file in contents} == contents
 
 
 def needs_root(is_needed: bool) -> None:
@@ -244,15 +267,18 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("harm", REFUSED, ids=lambda f: f.__name__)
-def test_folder_in_which_others_can_write_is_not_used(harm, tmp_path, compiler):
+def test_folder_in_which_others_can_write_is_not_used(harm, fresh, compiler, monkeypatch):
     needs_root("another" in harm.__name__)
-    folder = tmp_path / "there" / "cache"
+    folder = fresh.with_name("there") / "cache"
+    monkeypatch.setenv(library.CACHE, str(folder))
+    monkeypatch.setattr(library, "own_folder", lambda: fresh.with_name("own folder"))
+    library.own_folder().mkdir()
     folder.parent.mkdir()
     harm(folder)
-    done = child(**{library.CACHE: str(folder)})
-    assert done.stdout.strip() == f"{FOUND} True", done.stderr
-    assert REFUSED[harm] in done.stderr and done.stderr.count("Nothing is kept there") == 1
-    assert not [*folder.iterdir()]
+    with pytest.warns(UserWarning, match="Nothing is kept there") as told:
+        assert library.load_library(text()) and library.load_library(text(3.0))
+    assert len(told) == 1 and REFUSED[harm] in str(told[0].message)
+    assert not [*folder.iterdir()] and len([*library.own_folder().iterdir()]) == 2
 
 
 def test_link_to_a_folder_of_ones_own_is_followed(fresh, compiler):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import pytest
 from native3 import FOLDERS, Instance, fmu, placed  # noqa: F401
 
@@ -30,6 +32,7 @@ def signals(one: Instance) -> dict[str, list[float]]:
     return found
 
 
+@cache
 def published() -> list[dict[str, list[float]]]:
     """What is published sample by sample, motion by motion."""
     one, motions = Instance(fmu(ERTSS)), [{}, {}]  # type: ignore[var-annotated]

@@ -12,10 +12,9 @@ from xml.etree.ElementTree import Element
 import pytest
 from drivers import ROOT
 from fmpy.validation import validate_fmu
-from parts import FOLDERS, LARGEST, Part, some
+from parts import LARGEST, Part, some
 from unpacked_native import STRICT, Unpacked, bits, expected, outputs
 
-from gapsense.fmi.components import kernel_of, load_component
 from gapsense.fmi.sentences import say
 
 
@@ -63,7 +62,7 @@ def test_sources_compile_as_a_stranger_compiles_them(part: Part, unpacked: Unpac
     root = root_of(part)
     files = [file.attrib["name"] for file in root.iterfind("CoSimulation/SourceFiles/File")]
     library = unpacked.library()
-    command = ["cc", *STRICT, "-shared", "-fPIC", *files, "-o", str(library), "-lm"]
+    command = ["cc", *STRICT, "-O1", "-shared", "-fPIC", *files, "-o", str(library), "-lm"]
     done = subprocess.run(command, cwd=unpacked.folder / "sources", capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert bits(outputs([host], unpacked, part)) == bits(expected(part))
@@ -100,7 +99,7 @@ def test_a_binary_whose_compiler_has_changed_the_arithmetic_refuses(
     if "-mfma" in options and not has_fma():
         pytest.skip("a processor without FMA")
     sources = sorted((unpacked.folder / "sources").glob("*.c"))
-    command = ["gcc", "-O2", *options, "-shared", "-fPIC", *map(str, sources), "-o", str(unpacked.library()), "-lm"]
+    command = ["gcc", "-O1", *options, "-shared", "-fPIC", *map(str, sources), "-o", str(unpacked.library()), "-lm"]
     subprocess.run(command, check=True, capture_output=True)
     if options == ("-std=c99", "-mfma"):
         assert bits(outputs([host], unpacked, part)) == bits(expected(part))
@@ -115,6 +114,7 @@ def has_fma() -> bool:
     return about.is_file() and " fma " in about.read_text(encoding="utf-8")
 
 
-def test_c_calls_only_functions_of_the_library_that_round_in_one_way() -> None:
-    for folder in FOLDERS:
-        assert {*re.findall(r"F\((\w+)\)\(", kernel_of(load_component(folder)).c())} <= {"sqrt", "fabs", "floor"}
+def test_c_calls_only_functions_of_the_library_that_round_in_one_way(part: Part) -> None:
+    with zipfile.ZipFile(part.path) as archive:
+        code = archive.read("sources/kernel.c").decode()
+    assert {*re.findall(r"F\((\w+)\)\(", code)} <= {"sqrt", "fabs", "floor"} and "F(" in code

@@ -20,7 +20,7 @@ from gapsense.studies import drawer
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
-@pytest.mark.parametrize("name", ["valve", "relay"])
+@pytest.mark.parametrize("name", ["valve", pytest.param("relay", marks=pytest.mark.slow)])
 def test_figure_of_each_scenario_is_a_picture_of_sensible_size(request, name, tmp_path):
     figure = drawer("semera")(request.getfixturevalue(name))
     file = figures.save(figure, tmp_path / "new" / f"{name}.png")

@@ -159,12 +159,19 @@ def test_errors_are_those_of_the_metrics_of_the_scenario(fmus):
     assert len(checked) == 18
 
 
+@pytest.fixture(scope="module")
+def made_once(fmus, tmp_path_factory) -> Path:
+    """A folder with a scenario, its baseline and a result of it."""
+    folder = tmp_path_factory.mktemp("saved")
+    shutil.copytree(SCENARIOS / "pot_magnet", folder / "pot_magnet")
+    run(folder / "pot_magnet", "off", fmus=fmus).save(folder / "results" / "off.csv")
+    return folder
+
+
 @pytest.fixture
-def saved(fmus, tmp_path) -> Path:
-    """A result of a scenario beside it, and its baseline."""
-    folder = tmp_path / "pot_magnet"
-    shutil.copytree(SCENARIOS / "pot_magnet", folder)
-    return run(folder, "off", fmus=fmus).save(tmp_path / "results" / "off.csv")
+def saved(made_once, tmp_path) -> Path:
+    """A result of a scenario beside it, and its baseline, to be changed."""
+    return shutil.copytree(made_once, tmp_path / "saved") / "results" / "off.csv"
 
 
 def test_tubes_fail_at_the_rows_at_which_the_regression_test_fails(saved):

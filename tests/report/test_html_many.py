@@ -6,8 +6,6 @@ import json
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -50,9 +48,23 @@ def cells(page: Page, first: str) -> list[str]:
     return [row for row in rows if row.startswith(first)]
 
 
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory) -> dict:
+    """The reports on a sweep and on a campaign of the same runs."""
+    folder = tmp_path_factory.mktemp("pages")
+    return {make: page_of(make(folder / make.__name__)) for make in (made_sweep, made_campaign)}
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Few figures, for tests of what stands around them."""
+    monkeypatch.setattr(many_chapter, "METRICS", 2)
+    monkeypatch.setattr(many_chapter, "PANELS", 2)
+
+
 @MAKERS
-def test_page_tells_what_ran_what_failed_and_what_has_no_value(tmp_path, make):
-    page = page_of(make(tmp_path / "out"))
+def test_page_tells_what_ran_what_failed_and_what_has_no_value(pages, make):
+    page = pages[make]
     text = "\n".join(page.texts["main"])
     for found in (
         "Nobody ran it.",
@@ -73,9 +85,8 @@ def test_page_tells_what_ran_what_failed_and_what_has_no_value(tmp_path, make):
     assert "valve.mode1, fast" in cells(page, "valve.mode") and "valve.onFalse, True" in cells(page, "valve.on")
 
 
-def test_sweep_and_campaign_of_the_same_runs_say_the_same(tmp_path):
-    one, other = (page_of(make(tmp_path / make.__name__)) for make in (made_sweep, made_campaign))
-    same = [[row for row in page.texts["tr"] if "gapsense run" not in row] for page in (one, other)]
+def test_sweep_and_campaign_of_the_same_runs_say_the_same(pages):
+    same = [[row for row in page.texts["tr"] if "gapsense run" not in row] for page in pages.values()]
     assert same[0] == same[1] and len(same[0]) > 15
 
 
@@ -145,8 +156,8 @@ scenario = "semera_valve"
 """
 
 
-@pytest.mark.parametrize("word", ["sweep", "campaign"])
-def test_command_of_the_report_repeats_the_run_with_the_same_bits(fmus, tmp_path, monkeypatch, word):
+@pytest.mark.parametrize("word", [pytest.param("sweep", marks=pytest.mark.slow), "campaign"])
+def test_command_of_the_report_repeats_the_run_with_the_same_bits(fmus, tmp_path, monkeypatch, few, word):
     shutil.copytree(SCENARIOS / "semera_valve", tmp_path / "semera_valve")
     monkeypatch.chdir(tmp_path)
     Path("study.toml").write_text(STUDY, encoding="utf-8")
@@ -165,7 +176,7 @@ def test_command_of_the_report_repeats_the_run_with_the_same_bits(fmus, tmp_path
     assert len(found) == 18 and many.bounds("semera_resistance_after") is not None
 
 
-def test_results_of_all_kinds_come_in_one_file(tmp_path):
+def test_results_of_all_kinds_come_in_one_file(tmp_path, few):
     single = made().save(tmp_path / "made.csv")
     page = page_of(single, made_sweep(tmp_path / "swept"), made_campaign(tmp_path / "ran", failed=-1, missing=2))
     assert page.texts["h1"] == ["3 results, 3 failed"]
@@ -173,7 +184,7 @@ def test_results_of_all_kinds_come_in_one_file(tmp_path):
     assert "2 of 32 runs are missing" in "".join(page.texts["p"])
 
 
-def test_result_of_an_older_version_has_a_report_without_bounds_and_commands(tmp_path):
+def test_result_of_an_older_version_has_a_report_without_bounds_and_commands(tmp_path, few):
     folder = made_campaign(tmp_path / "out")
     later = "bounds seeds source variant has_random_events settings description"
     with Store(folder / "campaign.sqlite", KEY) as store:
@@ -182,7 +193,7 @@ def test_result_of_an_older_version_has_a_report_without_bounds_and_commands(tmp
     assert "the scenario has no file" in text and "outside by" not in text and "from the median" in text
 
 
-def test_campaign_that_has_hardly_begun_has_a_report(tmp_path):
+def test_campaign_that_has_hardly_begun_has_a_report(tmp_path, few):
     for count in (0, 1, 2):
         page = page_of(made_campaign(tmp_path / f"out{count}", count, missing=9) if count != 0 else empty(tmp_path))
         assert "runs are missing" in "".join(page.texts["p"])
@@ -197,12 +208,11 @@ def empty(folder: Path) -> Path:
 
 
 @MAKERS
-def test_texts_of_others_are_texts_and_nothing_else(tmp_path, make, monkeypatch):
-    harmless = page_of(make(tmp_path / "good"))
+def test_texts_of_others_are_texts_and_nothing_else(tmp_path, pages, make, monkeypatch):
     monkeypatch.setattr("html_many.values", lambda run: {**values(run), "valve.mode": EVIL})
     labels = {name: [EVIL, EVIL] for name in ("miss", "noise")}
     page = page_of(make(tmp_path / "evil", title=EVIL, scenario=EVIL, description=EVIL, labels=labels, source=EVIL))
-    count = [sum(tag in ("script", "img", "iframe", "link") for tag, _ in p.elements) for p in (page, harmless)]
+    count = [sum(tag in ("script", "img", "iframe", "link") for tag, _ in p.elements) for p in (page, pages[make])]
     assert count[0] == count[1] == 4
     assert not [a for _, a in page.elements for name in a if name.startswith("on")]
     assert page.texts["title"][0].startswith(EVIL)
@@ -250,7 +260,7 @@ def test_all_that_is_wrong_is_told_at_once_and_nothing_is_written(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["tolerances", "of v1.2"])
-def test_command_writes_beside_the_folder_of_a_campaign(tmp_path, monkeypatch, name):
+def test_command_writes_beside_the_folder_of_a_campaign(tmp_path, monkeypatch, few, name):
     folder = made_campaign(tmp_path / name)
     monkeypatch.chdir(folder)
     done = CliRunner().invoke(app, ["report", "."])
@@ -273,20 +283,6 @@ def test_metric_that_goes_up_and_down_with_a_parameter_is_said_to(tmp_path, monk
     assert goes_with(many, "miss") == "valve.r, up and down" and "valve." in goes_with(many, "noise")
     assert goes_with(many, "never") == "-"
     assert many_chapter.order_factors(many, "miss", ["valve.n", "valve.r"]) == ["valve.r", "valve.n"]
-
-
-def test_reports_need_no_package_of_an_extra_but_that_of_reports(tmp_path):
-    """In a process of its own, in which they never were there."""
-    files = [made().save(tmp_path / "made.csv"), made_sweep(tmp_path / "out"), made_campaign(tmp_path / "ran")]
-    code = f"""
-import sys
-from pathlib import Path
-sys.modules.update(dict.fromkeys(("pyarrow", "distributed", "dask", "pandas")))
-from gapsense.report.html.page import write_report
-print(write_report([*map(Path, {[*map(str, files)]!r})], Path({str(tmp_path / "many.html")!r})))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert (tmp_path / "many.html").is_file(), done
 
 
 def test_metric_whose_name_a_campaign_needs_itself_is_refused(tmp_path, monkeypatch):

@@ -32,9 +32,12 @@ LONG = (
     "campaigns",
     "estimators",
     "identification",
+    "import",
+    "index",
     "measure-your-valve",
     "native",
     "page",
+    "python",
     "regression",
     "report",
 )

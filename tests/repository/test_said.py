@@ -6,9 +6,10 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 
 import pytest
-from sources import PYTHON, ROOT, SRC, tree
+from sources import PYTHON, ROOT, SRC, nodes
 
 from gapsense.cosim.result.metrics import KINDS
 
@@ -24,10 +25,10 @@ def quoted(text: str) -> list[str]:
     return re.findall(r'"([^"\n]+)"', plain)
 
 
-def python_texts(module: ast.Module) -> Iterator[str]:
+def python_texts(file: Path) -> Iterator[str]:
     """Texts of a Python file, but for what documents it."""
-    said = {id(node.value) for node in ast.walk(module) if isinstance(node, ast.Expr)}
-    for node in ast.walk(module):
+    said = {id(node.value) for node in nodes(file) if isinstance(node, ast.Expr)}
+    for node in nodes(file):
         if isinstance(node, ast.JoinedStr):
             yield "".join(str(p.value) if isinstance(p, ast.Constant) else GAP for p in node.values)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
@@ -43,7 +44,7 @@ def c_texts(text: str) -> Iterator[str]:
 @cache
 def texts() -> tuple[str, ...]:
     shim = [file.read_text(encoding="utf-8") for file in sorted((SRC / "fmi" / "shim").glob("*.[ch]"))]
-    return tuple({*(t for file in PYTHON for t in python_texts(tree(file))), *(t for c in shim for t in c_texts(c))})
+    return tuple({*(t for file in PYTHON for t in python_texts(file)), *(t for c in shim for t in c_texts(c))})
 
 
 def is_said(quotation: str) -> bool:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 
-from sources import PYTHON, ROOT, SRC, Function, arguments, documented, functions, name_of, public, texts, tree
+from sources import PYTHON, ROOT, SRC, Function, arguments, documented, functions, name_of, nodes, public, texts
 
 CALLBACKS = {"slave.py"}  # its public methods are the callbacks of FMI 2.0
 MACHINE = re.compile(r"(?<![\w.:/*-])(/(home|Users|root|work|mnt)/\w|/tmp/\w/|[A-Z]:\\+Users)")
@@ -25,7 +26,7 @@ def test_everything_public_has_a_docstring():
 def test_parameters_sections_document_every_argument_and_no_other():
     wrong = []
     for path in PYTHON:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes(path):
             if isinstance(node, (Function, ast.ClassDef)):
                 names = documented(ast.get_docstring(node) or "")
                 owner = constructor(node) if isinstance(node, ast.ClassDef) else node
@@ -49,7 +50,7 @@ def test_records_of_five_fields_or_more_are_made_with_keywords():
     wrong = [
         f"{name_of(path)}:{node.lineno} {called(node)}"
         for path in PYTHON
-        for node in ast.walk(tree(path))
+        for node in nodes(path)
         if isinstance(node, ast.Call) and re.match("[A-Z][a-z]", called(node))
         if sum(not isinstance(argument, ast.Starred) for argument in node.args) >= 5
     ]
@@ -67,7 +68,7 @@ def test_kernels_add_in_order():
     wrong = [
         f"{name_of(path)}:{node.lineno} uses sum(), not linalg.total()"
         for path in (*(SRC / "kernels" / f"{name}.py" for name in ("linalg", "integrate", "elementary")), *kernels)
-        for node in ast.walk(tree(path))
+        for node in nodes(path)
         if isinstance(node, ast.Name) and node.id == "sum"
     ]
     assert len(kernels) > 20 and not wrong
@@ -77,7 +78,7 @@ def test_generated_code_is_compiled_in_one_place():
     calls = {
         name_of(path)
         for path in PYTHON
-        for node in ast.walk(tree(path))
+        for node in nodes(path)
         if isinstance(node, ast.Name) and node.id in ("exec", "eval", "compile")
     }
     assert calls == {"src/gapsense/kernels/emit/python.py"}
@@ -115,8 +116,11 @@ def test_texts_end_with_one_line_end():
     assert ROOT / "README.md" in kept
 
 
+@cache
 def lines():
     """Path, number and content of every line of text."""
-    for path in texts():
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            yield path, number, line
+    return [
+        (path, number, line)
+        for path in texts()
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+    ]

@@ -33,7 +33,7 @@ CASES = [
     (VALVE, "literal"),
     (VALVE, "gated"),
     (RELAY, None),
-    (PROFILES, None),
+    pytest.param(PROFILES, None, marks=pytest.mark.slow),
     pytest.param(PROFILES, "thresholds", marks=pytest.mark.slow),
     pytest.param(SOFT_LANDING, None, marks=pytest.mark.slow),
 ]

@@ -77,7 +77,7 @@ def cycles():
     return cycle.soft_landing(RTS_VALVE, FIG_5, 2e-6, 2)
 
 
-@pytest.mark.parametrize(("step", "limit"), [(2e-6, 3e-9), (5e-6, 1e-8)])
+@pytest.mark.parametrize(("step", "limit"), [pytest.param(2e-6, 3e-9, marks=pytest.mark.slow), (5e-6, 1e-8)])
 def test_built_in_cycles_are_followed_again_and_again(tmp_path, fmus, cycles, step, limit):
     result = run(tmp_path, fmus, 80e-3, step)
     repeated = [*cycles, cycles[1], cycles[1]]

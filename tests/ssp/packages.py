@@ -91,7 +91,7 @@ def packed(path: Path, ssd: str, fmus: Path, *names: str, **more: str) -> Path:
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("SystemStructure.ssd", ssd)
         for name in names:
-            archive.write(fmus / f"{name}.fmu", f"resources/{name}.fmu")
+            archive.write(fmus / f"{name}.fmu", f"resources/{name}.fmu", zipfile.ZIP_STORED)  # they are compressed
         for name, text in more.items():
             head = f'<?xml version="1.0"?>\n{text}'
             for prefix in ("ssv:ParameterSet", "ssm:ParameterMapping"):

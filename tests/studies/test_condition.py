@@ -50,6 +50,7 @@ def test_table_and_figure_have_every_fault() -> None:
     assert {t.get_text() for t in axis.texts} == {"100"}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("wide")
 def test_command_judges_two_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One fault for eight operations, and a short time without one."""

@@ -256,6 +256,12 @@ def test_magnet_has_the_reluctance_and_the_force_of_the_valve():
 
 
 @pytest.fixture(scope="module")
+def fmus(natives):
+    """Native ones, which have the bits of the Python ones in all scenarios: tests/native/test_scenarios.py."""
+    return natives
+
+
+@pytest.fixture(scope="module")
 def plain(fmus):
     return run(FOLDER, None, fmus)
 

@@ -69,11 +69,17 @@ def test_errors_are_those_of_the_scalar_kernel(coarse):
     varied = perturbed(m, width * errors(coarse.seed, 0, runs))
     current = s.current[:, None] + noise(coarse.seed, 0, runs, s.time.size, coarse.noise_current)
     z = (s.position - m.z_min) / m.l_z
-    variants = {"EKF": Variant(), "ERTSS": Variant(), "ERTSS without e_i": Variant(0.0, 1.0)}
-    for name, variant in {**variants, "ERTSS without e_F": Variant(1.0, 0.0)}.items():
+    variants = {"ERTSS": Variant(), "ERTSS without e_i": Variant(0.0, 1.0), "ERTSS without e_F": Variant(1.0, 0.0)}
+    smoothed = {
+        name: [
+            smooth_record(s.voltage, current[:, run], s.mode, filter_parameters(m, varied, run, tuned, variant))
+            for run in range(runs)
+        ]
+        for name, variant in variants.items()
+    }
+    for name, each in {"EKF": smoothed["ERTSS"], **smoothed}.items():
         total = np.zeros((2, 2))
-        for run in range(runs):
-            p = smooth_record(s.voltage, current[:, run], s.mode, filter_parameters(m, varied, run, tuned, variant))
+        for p in each:
             mean = (p.filtered if name == "EKF" else p.smoothed).mean
             for o, (first, landed) in enumerate(motions(s.mode)):
                 for k in range(first, landed):
@@ -82,8 +88,9 @@ def test_errors_are_those_of_the_scalar_kernel(coarse):
         np.testing.assert_allclose(found[ESTIMATORS.index(name)], total, rtol=1e-6)
 
 
-def test_every_run_has_the_bits_that_it_has_alone(study):
+def test_every_run_has_the_bits_that_it_has_alone(coarse):
     """All samples of both operations in scalar Python, with wide errors, and the sums over them."""
+    study = coarse
     if plan_of(study).library is None:
         pytest.skip("no C compiler (cc, gcc, clang): numpy has a logarithm of its own")
     tuned = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
@@ -217,6 +224,7 @@ def test_senseless_comparisons_are_refused(coarse, widths, runs, workers):
         compare(coarse, widths, runs, workers)
 
 
+@pytest.mark.slow  # the orderings of a run: tests/scenarios/test_soft_landing.py
 def test_orderings_of_the_paper_come_out_in_few_runs(study):
     """As [RTS] states them; the parameter errors of 30 % are looked at in the slow test."""
     found = compare(study, [0.001, 0.1, 0.2], 40, 1)
@@ -228,6 +236,7 @@ def test_orderings_of_the_paper_come_out_in_few_runs(study):
     assert np.all(e["ERTSS"] < 0.5 * e["open loop"])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process's memory is read from /proc")
 def test_a_chunk_takes_little_memory_and_time(study, tmp_path):
     """In a process of its own, as a worker computes it: what rusage tells holds for parents and other children too."""

@@ -17,6 +17,12 @@ FOLDER = Path(__file__).resolve().parents[2] / "scenarios" / "profiles"
 
 
 @pytest.fixture(scope="module")
+def fmus(natives):
+    """Native ones, which have the bits of the Python ones in all scenarios: tests/native/test_scenarios.py."""
+    return natives
+
+
+@pytest.fixture(scope="module")
 def first(fmus):
     """The first profile, whose motions are all published."""
     return run(FOLDER, None, fmus)

@@ -28,7 +28,15 @@ from gapsense.scenarios.run_to_run.chain import Chain, Running
 from gapsense.scenarios.run_to_run.conditions import CHANGED, CONDITIONS, factors, samples
 from gapsense.scenarios.run_to_run.cycles import NEVER, STRUCK, Outcome, cycle_of, hardest, outcome, recorded_cycles
 from gapsense.scenarios.run_to_run.loops import LAWS, Loop, controller, loop_of
-from gapsense.scenarios.run_to_run.measures import impact_energy, missed, noticed, verdicts, warned, worst_cycle
+from gapsense.scenarios.run_to_run.measures import (
+    impact_energy,
+    missed,
+    noticed,
+    soft_speeds,
+    verdicts,
+    warned,
+    worst_cycle,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAIN = CONDITIONS["plain"]
@@ -404,6 +412,15 @@ def test_what_was_noticed_is_counted_by_operation():
     assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (4, 1, 2, 72 - 5, 1, 1)
     speeds[0, :, 0] = NEVER, 0.05  # an opening from between the stops is no ordinary one
     assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (4, 1, 2, 72 - 5, 1, 0)
+
+
+def test_speeds_of_soft_operations_leave_out_ordinary_ones_and_what_was_not_yet_learnt():
+    found = made(np.r_[1.0, np.full(9, 0.5), np.full(30, 0.1)], runs=1)
+    states, speeds = found.states.copy(), found.speeds.copy()
+    states[20, 0], speeds[20, 0] = 4.0, 1.1  # an ordinary closing
+    states[21, 1], speeds[21, 1] = 3.0, 0.4  # a soft opening after one that did not arrive
+    closing, opening = soft_speeds(found._replace(states=states, speeds=speeds))
+    assert closing.tolist() == [0.1] * 29 and sorted(opening.tolist()) == [0.1] * 29 + [0.4]
 
 
 def test_verdicts_tell_what_holds():

@@ -11,7 +11,7 @@ from gapsense.scenarios.soft_landing.batch import MOVING, Tuning, Variant, uncer
 from gapsense.scenarios.soft_landing.runs import Estimator, filtered, open_loop, smoothed
 from gapsense.scenarios.soft_landing.setting import errors, gap_means, noise, perturbed
 
-RUNS = 3
+RUNS = 2
 TUNING = Tuning(1.94e-5, 1.2e-3, 21e-3, 2e-3)
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 VARIANTS = [Variant(), Variant(0.0, 1.0), Variant(1.0, 0.0)]

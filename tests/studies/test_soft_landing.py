@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from c_code import run
 from reluctance_dop853 import Oracle
 from scipy.interpolate import CubicSpline
 
 from gapsense.actuators import reluctance_actuator
-from gapsense.kernels.kernel import Kernel
 from gapsense.scenarios.soft_landing.cycle import sampled, soft_landing
 from gapsense.scenarios.soft_landing.inverse import SoftLandingError
 from gapsense.scenarios.soft_landing.trajectory import FIG_5, Motion, Trajectory, mechanics
@@ -42,8 +42,7 @@ def forward(par, cycles, micro_step=2e-6):
             given += [(t_next, t_next - t, 0.5 * (u + u_next))] if t_next > t else []
             place.append(len(given) - 1)
         places.append(place)
-    _, outputs = Kernel(reluctance_actuator).run(given, par)
-    positions = np.array(outputs)[:, reluctance_actuator.Outputs._fields.index("position")]
+    positions = run(reluctance_actuator, given, par)[:, reluctance_actuator.Outputs._fields.index("position")]
     return [positions[place] for place in places]
 
 

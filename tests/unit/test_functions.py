@@ -93,7 +93,7 @@ def test_estimates_are_arrays_and_are_drawn(fmus, tmp_path):
 
 
 def test_gap_law_gives_its_parameters_and_keeps_the_files_that_it_needs(tmp_path):
-    gap = np.linspace(0.1, 1.0, 10)
+    gap = np.linspace(0.1, 1.0, 6)
     rows = "".join(f"{g:.3g},{50.0 / (0.2 + g):.6g}\n" for g in gap)
     (tmp_path / "measured.csv").write_text(f"gap [mm],inductance [mH]\n{rows}")
     found = gapsense.gap_law(tmp_path / "measured.csv", turns=1000.0, out=tmp_path / "gap.toml")

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from kernel_cases import kernel_modules
 
 from gapsense.kernels.emit.python import rename_values
-from gapsense.kernels.kernel import Kernel
 
 NESTED = """
     a, b, _ = given
@@ -95,11 +91,3 @@ def test_random_programs_compute_the_same(steps: list[tuple[int, int, int]]) -> 
         names.append(new)
     lines.append(f"    return ({', '.join(names[-3:])})")
     assert called(rename_values(lines), (1.25, -3.5)) == called(lines, (1.25, -3.5))
-
-
-@pytest.mark.parametrize("name", kernel_modules())
-def test_kernels_need_no_thousand_names(name: str) -> None:
-    """What a step needs beside its arguments: a frame that fits the rest of a piece of CPython's stack."""
-    step = Kernel(importlib.import_module(name)).scalar["step"]
-    temporaries = [v for v in step.__code__.co_varnames if v[0] == "t" and v[1:].isdigit()]
-    assert len(temporaries) <= 200

@@ -23,7 +23,7 @@ from gapsense.runnable import Runnable
 from gapsense.shipped import COMPONENTS
 
 FOLDERS = {load_component(folder).name: folder for folder in find_components(COMPONENTS)}
-MOST = 5_000  # samples in Python, as the FMU has them too: of a record that is longer, in C and by the FMU alone
+MOST = 2_000  # samples in Python, as the FMU has them too: of a record that is longer, in C and by the FMU alone
 COMPILED = pytest.mark.skipif(own_compiler() is None, reason="needs a C compiler")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -59,8 +60,11 @@ def load_component(folder: Path) -> Component:
 
 
 def kernel_of(component: Component) -> Kernel:
-    """The kernel of a component."""
-    return Kernel(importlib.import_module(component.kernel))
+    """The kernel of a component, which is traced at most once in a process."""
+    return _kernel(importlib.import_module(component.kernel))
+
+
+_kernel = cache(Kernel)
 
 
 def kernel_parameters(folder: Path, given: Mapping[str, Any]) -> Any:

@@ -52,14 +52,19 @@ class Minimum(NamedTuple):
     at_limit: npt.NDArray[np.bool_]  # of each number
 
 
-def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix) -> Matrix:
-    """Currents of several models with inputs of their own (samples, inputs, models); (models, samples)."""
-    if not is_compiled(kernel, len(inputs), ("current",)):
-        place = kernel.module.Outputs._fields.index("current")
+def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix, name: str = "current") -> Matrix:
+    """Currents, or another output, of several models with inputs of their own (samples, inputs, models).
+
+    They are (models, samples).
+    """
+    if not is_compiled(kernel, len(inputs), (name,)):
+        place = kernel.module.Outputs._fields.index(name)
         runs = [kernel.run(inputs[:, :, k].tolist(), par)[1] for k, par in enumerate(pars)]
         return np.array([[row[place] for row in run] for run in runs])
-    columns = [v[0] if isinstance(v[0], list) else np.array(v) for v in zip(*map(flat, pars))]
-    return np.asarray(step_runs(kernel, inputs, columns, ("current",))[:, 0].T)
+    columns = [
+        v[0] if isinstance(v[0], list) and v.count(v[0]) == len(v) else np.array(v).T for v in zip(*map(flat, pars))
+    ]
+    return np.asarray(step_runs(kernel, inputs, columns, (name,))[:, 0].T)
 
 
 def differences(
@@ -161,13 +166,11 @@ def candidates(p: Problem, x: Vector, J: Matrix, r: Vector, dampings: Sequence[f
     sizes, directions = np.linalg.eigh(H / np.outer(D, D))
     along = directions.T @ (g[free] / D)
     least = NEGLIGIBLE * float(sizes.max(initial=0.0)) + 1e-300
-    made = []
-    for damping in dampings:
-        by = np.where(sizes + damping > least, along / np.maximum(sizes + damping, least), 0.0)
-        point = x.copy()
-        point[free] -= (directions @ by) / D
-        made.append(np.clip(point, low, high))
-    return made
+    damped = sizes + np.array(dampings)[:, None]
+    by = np.where(damped > least, along / np.maximum(damped, least), 0.0)
+    points = np.tile(x, (len(dampings), 1))
+    points[:, free] -= np.stack([directions @ each for each in by]) / D
+    return [*np.clip(points, low, high)]
 
 
 def long_run(W: Matrix, r: Vector) -> Matrix:

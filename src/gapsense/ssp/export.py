@@ -210,7 +210,8 @@ def pack(file: Any, members: Mapping[str, bytes], sources: Mapping[Path, str]) -
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         files = ((name, path.read_bytes()) for path, name in sources.items())  # one at a time
         for name, content in chain(members.items(), files):
-            archive.writestr(zipfile.ZipInfo(name, DATE), content, zipfile.ZIP_DEFLATED)
+            method = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED  # an FMU is compressed
+            archive.writestr(zipfile.ZipInfo(name, DATE), content, method)
 
 
 # Documents of SSP as XML: components, connectors, connections, values.

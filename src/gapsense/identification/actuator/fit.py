@@ -128,7 +128,7 @@ class Problem(NamedTuple):
         for k, drive in enumerate(self.drives):
             volts = np.stack([drive.voltage(self.places(x)[k]) for x in points], axis=1)
             offsets = np.array([[self.offsets(x)[k]] for x in points])
-            found.append(drive.weights * (drive.current - offsets - sampled_currents(pars, drive, volts)))
+            found.append(drive.weights * (drive.current - offsets - sample_models(pars, drive, volts)))
         return finite(np.hstack([*found, np.array(points) / self.deviations]))
 
     def jacobian(self, x: Vector, _: Vector | None = None, /) -> Matrix:
@@ -146,9 +146,9 @@ class Problem(NamedTuple):
 def slopes(pars: Sequence[simulated.Parameters], drive: Excitation, places: Vector) -> tuple[Matrix, Matrix]:
     """Derivatives of the residuals of a record: by logarithms, then by its offset, all places together, and each."""
     by = np.where(places > 0.0, -PLACE_STEP, PLACE_STEP)  # inwards
-    volts = np.repeat(drive.voltage(places)[:, None], len(pars), axis=1)
+    volts = same_volts(drive, places, len(pars))
     models = [*pars, *[pars[0]] * places.size]
-    at, *others = -drive.weights * sampled_currents(models, drive, np.hstack([volts, drive.move_each_edge(places, by)]))
+    at, *others = -drive.weights * sample_models(models, drive, np.hstack([volts, drive.move_each_edge(places, by)]))
     off = (np.array(others) - at).T
     each = off[:, len(pars) - 1 :] / by
     return off[:, : len(pars) - 1] / STEP, np.hstack([-drive.weights[:, None], each.sum(axis=1, keepdims=True), each])
@@ -164,11 +164,21 @@ def parameters_at(p: Problem, x: Vector) -> simulated.Parameters:
     return simulated.Parameters(apply_factors(p.known), apply_factors(p.beyond))
 
 
-def sampled_currents(pars: Sequence[simulated.Parameters], drive: Excitation, volts: Matrix) -> Matrix:
-    """Currents of several models at the samples, (models, samples); `volts` are those of each, (steps, models)."""
+def same_volts(drive: Excitation, places: Vector, models: int) -> Matrix:
+    """Mean voltages of the steps of a record for each of some models, (steps, models)."""
+    return np.repeat(drive.voltage(places)[:, None], models, axis=1)
+
+
+def sample_models(
+    pars: Sequence[simulated.Parameters], drive: Excitation, volts: Matrix, name: str = "current"
+) -> Matrix:
+    """Currents of several models, or another output, at the samples, (models, samples).
+
+    `volts` are those of each, (steps, models).
+    """
     every = np.vstack([np.zeros((1, len(pars))), volts])
     pars = [par._replace(known=par.known._replace(sample_time=drive.step)) for par in pars]
-    return currents(KERNEL, pars, every[:, None, :])[:, :: drive.parts]
+    return currents(KERNEL, pars, every[:, None, :], name)[:, :: drive.parts]
 
 
 def simulate(
@@ -424,9 +434,10 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     has_law = "gap_window" in p.names or p.known.gap_law == GapLaw.table
     law_moves: Matrix = np.zeros((n, 0))
 
-    def weigh_currents(known: Parameters) -> Vector:
-        runs = zip(p.drives, places)
-        return np.concatenate([d.weights * simulate(known, d, at, beyond=found.beyond).current for d, at in runs])
+    def weigh_currents(known: Sequence[Parameters]) -> Matrix:
+        pars = [simulated.Parameters(one, found.beyond) for one in known]
+        volts = [same_volts(d, at, len(pars)) for d, at in zip(p.drives, places)]
+        return np.hstack([d.weights * sample_models(pars, d, of_each) for d, of_each in zip(p.drives, volts)])
 
     if has_law and p.beyond.core_power and all(r.is_explained for r in residuals):
         law_moves = np.asarray(np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(found.known, weigh_currents).T))[:n]
@@ -504,15 +515,16 @@ def with_other_law(known: Parameters, shape: int, by: float) -> Parameters:
     return known._replace(gap_law=float(GapLaw.table), **table)
 
 
-def law_errors(known: Parameters, values: Callable[[Parameters], Vector]) -> Matrix:
-    """What a gap law that is not quite the one given changes in some values of a model (shapes, values).
+def law_errors(known: Parameters, values: Callable[[Sequence[Parameters]], Matrix]) -> Matrix:
+    """What a gap law that is not quite the one given changes in some values of each model (shapes, values).
 
     Of three difference quotients that in the middle: where the last bounce is a bounce more or less, one has a jump.
     """
-    at = values(with_other_law(known, 1, 0.0))
     steps = (STEP, -STEP, SMALLER * STEP)
-    rates = [[(values(with_other_law(known, k, by)) - at) / by for by in steps] for k in range(1, LAW_SHAPES + 1)]
-    return np.asarray(LAW_ERROR * np.median(rates, axis=1))
+    changes = [(shape, by) for shape in range(1, LAW_SHAPES + 1) for by in steps]
+    at, *others = values([with_other_law(known, shape, by) for shape, by in ((1, 0.0), *changes)])
+    rates = np.array([(other - at) / by for other, (_, by) in zip(others, changes)])
+    return np.asarray(LAW_ERROR * np.median(rates.reshape(LAW_SHAPES, len(steps), -1), axis=1))
 
 
 def position_error(result: Commissioned) -> float:
@@ -524,18 +536,19 @@ def position_error(result: Commissioned) -> float:
     pars, moves, found = [parameters_at(p, x) for x in STEP * np.eye(len(p.names))], result.law_moves, list[float]()
     plain = result.covariance - moves @ moves.T
     for one, places, model in zip(result.drives, result.places, result.models):
-        moved = [simulate(par.known, one, places, beyond=par.beyond).position for par in pars]
-        slopes = np.array([(z - model.position) / STEP for z in moved])
+        moved = sample_models(pars, one, same_volts(one, places, len(pars)), "position")
+        slopes = (moved - model.position) / STEP
         variance = np.einsum("jt,jk,kt->t", slopes, plain, slopes)
         if moves.size:
-            by_law = law_errors(known, partial(_position, one, places, result.beyond))
+            by_law = law_errors(known, partial(_positions, one, places, result.beyond))
             variance += ((by_law + moves.T @ slopes) ** 2).sum(axis=0)
         found.append(float(np.mean(variance)))
     return math.sqrt(max(found))
 
 
-def _position(drive: Excitation, places: Vector, beyond: Beyond, par: Parameters) -> Vector:
-    return simulate(par, drive, places, beyond=beyond).position
+def _positions(drive: Excitation, places: Vector, beyond: Beyond, known: Sequence[Parameters]) -> Matrix:
+    pars = [simulated.Parameters(one, beyond) for one in known]
+    return sample_models(pars, drive, same_volts(drive, places, len(pars)), "position")
 
 
 def doubt(p: Problem) -> float:

@@ -13,7 +13,6 @@ autocorrelation of what is left afterwards tells.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +21,7 @@ from gapsense._os.workers import Progress
 from gapsense.identification.least_squares import (
     Asked,
     Matrix,
+    Minimum,
     descend,
     differences,
     independent,
@@ -111,17 +111,17 @@ class Weighted(NamedTuple):
         return np.asarray((after - before).T / (2.0 * steps))
 
 
-def minimise_together(problems: Sequence[Weighted], starts: Sequence[Vector], enough: float) -> list[Vector]:
+def minimise_together(problems: Sequence[Weighted], starts: Sequence[Vector], enough: float) -> list[Minimum]:
     """The minima of several problems: the same as one by one, but what they ask for at a time is simulated at once."""
     searches = [descend(p, start, LONGEST, enough) for p, start in zip(problems, starts)]
-    ends, answers = dict[int, Vector](), dict[int, Matrix]()
+    ends, answers = dict[int, Minimum](), dict[int, Matrix]()
     while len(ends) < len(problems):
         asked = dict[int, Asked]()
         for k, search in enumerate(searches):
             try:
                 asked |= {} if k in ends else {k: search.send(answers.get(k))}
             except StopIteration as end:
-                ends[k] = end.value.point
+                ends[k] = end.value
         answers = _answer(problems, asked)
     return [ends[k] for k in range(len(problems))]
 
@@ -180,7 +180,7 @@ class Fit:
         for k in range(starts):
             guesses.append(rng.uniform(-width, width, self.form.start.size) if k else self.form.start)
         ends = minimise_together([Weighted(self.form, experiments, self.count)] * starts, guesses, EXACT)
-        return [Start(ratios, self.cost(ratios, experiments)) for ratios in ends]
+        return [Start(end.point, cost(end.residuals)) for end in ends]
 
 
 ENOUGH = 6.0  # evidence from which a form is taken: "strong" by Kass and Raftery (1995)
@@ -228,13 +228,13 @@ def try_larger(fit: Fit, forms: Sequence[Form], before: Trial, firsts: Sequence[
     tried = [(p, start) for p in problems for start in _starts(before, p.form)]
     near = minimise_together([p for p, _ in tried], [start for _, start in tried], NEAR)
     ends = [[end for (one, _), end in zip(tried, near) if one is p] for p in problems]
-    best = [min(found, key=partial(_cost, p)) for p, found in zip(problems, ends)]
+    best = [min(found, key=lambda end: cost(end.residuals)).point for found in ends]
     left, made = relative(before.errors, firsts), list[Trial]()
-    for p, ratios in zip(problems, minimise_together(problems, best, EXACT)):
-        errors = currents_left(p.form, ratios, p.experiments)
+    for p, end in zip(problems, minimise_together(problems, best, EXACT)):
+        errors = currents_left(p.form, end.point, p.experiments)
         more = len({*p.form.fitted} - {*before.form.fitted})
         found = evidence(left, relative(errors, firsts), more)
-        made.append(Trial(p.form, ratios, _cost(p, ratios), errors, evidence=found, is_taken=False))
+        made.append(Trial(p.form, end.point, cost(end.residuals), errors, evidence=found, is_taken=False))
     return made
 
 
@@ -243,11 +243,6 @@ def _starts(before: Trial, form: Form) -> list[Vector]:
     start = carry_over(before.form, before.ratios, form)
     starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
     return [np.array(each) for each in dict.fromkeys(map(tuple, starts))]
-
-
-def _cost(p: Weighted, ratios: Vector) -> float:
-    """J of (24)."""
-    return cost(p.residuals([ratios])[0])
 
 
 def try_form(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:

@@ -236,7 +236,8 @@ def without_filter(par: Device) -> Device:
 def behind(filters: Sequence[LowPass], x: Vector) -> Vector:
     """Half samples (2 n,) at the samples, behind low-passes without their mean delays (n,)."""
     for by in map(weights, filters):
-        x = np.convolve(np.pad(x, by.size // 2, mode="edge"), by, mode="valid")
+        beyond = np.ones(by.size // 2)
+        x = np.convolve(np.concatenate([x[0] * beyond, x, x[-1] * beyond]), by, mode="valid")  # np.pad takes far longer
     return x[1::2]
 
 

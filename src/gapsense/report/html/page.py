@@ -9,6 +9,7 @@ import math
 import re
 from base64 import b64encode
 from collections.abc import Sequence
+from functools import cache
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
@@ -93,6 +94,12 @@ def page(chapters: Sequence[Chapter]) -> str:
 
 def template(name: str, package: str = "gapsense.report.html") -> Any:
     """A template of the folder `templates` in a package; a name that it does not know is an error."""
+    return templates(package).get_template(name)
+
+
+@cache  # which keeps them compiled: that takes longer than to fill them in
+def templates(package: str) -> Any:
+    """The templates of a package."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     options: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
@@ -104,7 +111,7 @@ def template(name: str, package: str = "gapsense.report.html") -> Any:
     }
     made.tests["finite"] = math.isfinite
     made.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # not sorted: Bokeh reads references in order
-    return made.get_template(name)
+    return made
 
 
 def words(text: str) -> Any:
