@@ -105,8 +105,8 @@ def judged_by_current(state: State, par: Parameters) -> State:
     law = law._replace(floated=where(floated, 1.0, 0.0))
     # an estimator may take a closing that floated for landed, or not tell it
     is_slow = floated & (running.command > 0.5) & (law.was_followed > 0.0)
-    speed, floor = laws.raise_approach(law, par)
-    law = law._replace(speed=where(is_slow, speed, law.speed), floor=where(is_slow, floor, law.floor))
+    faster, higher = laws.raise_approach(law, par)
+    law = law._replace(speed=where(is_slow, faster, law.speed), floor=where(is_slow, higher, law.floor))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     return _raise_alarm(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
