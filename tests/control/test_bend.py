@@ -5,9 +5,17 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control import bend, laws, run_to_run
-from gapsense.control.judging import FELT, _slowest, _speed_by_time, judged_by_contact, judged_by_current, note_contact
+from gapsense.control.judging import (
+    FELT,
+    _judge_landing,
+    _slowest,
+    _speed_by_time,
+    judged_by_contact,
+    judged_by_current,
+    note_contact,
+)
 from gapsense.control.mover import make_mover
-from gapsense.control.profile import stops
+from gapsense.control.profile import arrival, stops
 from gapsense.control.records import CLOSING, LONGEST, OPENING, Heard
 from gapsense.estimators.mhe.model import gap, make_gap
 from gapsense.kernels.layout import blank
@@ -175,6 +183,41 @@ def test_mover_that_floats_near_its_stop_is_told_by_the_reluctance_of_earlier_la
         heard = blank(Heard, last_mode=2.0, began=1.0, takeoff=80.0, landing=480.0 * (1.0 - law))
         judged = judged_by_current(floating._replace(laws=known, by_model=law, heard=heard), PAR)
         assert judged.noted.changed == 1.0 and judged.alarm == 2.0
+
+
+def floating(half, faster, noise=2e-3):
+    """An operation whose mover gets faster by so much in a millisecond, from its planned arrival on."""
+    state = whole(hit(half, 0.1, 200.0))
+    m, plan = make_mover(PAR), bend.running_plan(state.running, PAR)
+    late = np.maximum(np.arange(LONGEST) * PAR.sample_time - plan.lead - arrival(plan), 0.0)
+    off = np.maximum(0.2e-3 - 0.5e3 * faster * late**2, 0.0)
+    positions = stops(half > 0.5, m)[1] + (off if half > 0.5 else -off)
+    currents = [FLUX * gap(z, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0] for z in positions]
+    own = slice(round(half) * LONGEST, (round(half) + 1) * LONGEST)
+    state.charges[own] = np.cumsum(currents) * PAR.sample_time
+    return state._replace(coil=state.coil._replace(noise=noise))
+
+
+@pytest.mark.parametrize("half", [CLOSING, OPENING])
+def test_a_mover_that_gets_faster_after_its_planned_arrival_has_floated(half):
+    """It lands more than a millisecond late, whatever an estimator says; noise may hide it."""
+    assert bend.has_floated(floating(half, 0.14), PAR)
+    assert not bend.has_floated(floating(half, 0.14, noise=20e-3), PAR)
+    for landing in (200.0, 300.0, 330.0):
+        assert not bend.has_floated(whole(hit(half, 0.08, landing)), PAR)
+
+
+def test_a_closing_that_has_floated_makes_the_next_approach_faster_whatever_an_estimator_says():
+    """Before, one that the estimator took for landed in time, or did not explain, left it as slow as it was."""
+    ended = judged_by_current(floating(CLOSING, 0.14), PAR)
+    law = laws.read(ended.laws, CLOSING)
+    assert law.speed > PAR.approach_least and law.missed == 0.0
+    again = _judge_landing(ended, CLOSING, 1.0, 240.0 * PAR.sample_time, PAR)
+    assert laws.read(again.laws, CLOSING).speed == law.speed and again.fell == 1.0
+    soft = judged_by_current(whole(hit(CLOSING, 0.08, 300.0)), PAR)
+    assert laws.read(soft.laws, CLOSING).speed == PAR.approach_least
+    heard = judged_by_current(floating(CLOSING, 0.14)._replace(by_model=0.0), PAR)
+    assert laws.read(heard.laws, CLOSING).floated == 0.0
 
 
 def near(way, noise=2e-3):

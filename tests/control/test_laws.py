@@ -128,6 +128,10 @@ def test_openings_that_come_late_twice_in_a_row_get_less_flux_linkage_near_their
     assert twice.mean[0] == -twice.mean[1] == pytest.approx(-laws.EASED * 0.3e-3)
     early = laws.ease_opening(twice, True, -2e-3)
     assert early.mean[0] == pytest.approx(laws.REMEMBERED * twice.mean[0]) and early.late == 0.0
+    floated = FIRST._replace(floated=1.0)  # by the current: an estimator that calls it early is wrong
+    for _ in range(2):
+        floated = laws.ease_opening(floated, True, -2e-3)
+    assert floated.mean[0] == pytest.approx(-laws.EASED * laws.LATEST)
     law = FIRST
     for _ in range(40):
         law = laws.ease_opening(law, True, 9.0)

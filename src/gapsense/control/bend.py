@@ -37,6 +37,8 @@ BESIDE = 1.08  # of that of a seated mover: with more a closing is not felt to h
 SATURATED = 0.2  # speed at a landing that its core explains: from then on it is taken away [m/s]
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
+# time after that at which a mover that floats is told; by so much, and standard deviations of noise, it gets faster
+FLOATING, FASTER, DEVIATIONS = 0.25e-3, 0.05, 3.0  # [s], [m/s]
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
 FOLLOW = (0.1, 0.2)  # share by which that of closings follows a mover that seems farther away; share of openings
@@ -196,6 +198,14 @@ def _core_share(state: State, at: Scalar, landing: Scalar, par: Parameters) -> t
     growth = (_reluctance(state, later, n, par) - seated) / where(more > RISEN, more, 1.0)
     share = where(is_kept & (more > RISEN), growth * bend / slope, 0.0)
     return share, _reluctance(state, hit, n, par) < seated
+
+
+def has_floated(state: State, par: Parameters) -> Scalar:
+    """Whether the mover got faster after its planned arrival: it was let go off its stop, and landed later."""
+    running = state.running
+    at = running.due + floor(FLOATING / par.sample_time + 0.5)
+    speed, noise = speed_at(state, running.command, at, 2.0 * running.piece, par)
+    return -speed > FASTER + DEVIATIONS * noise
 
 
 def tell_arrival(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import is_of_core, landing_speed, moved_earlier, running_plan, tell_arrival
+from gapsense.control.bend import has_floated, is_of_core, landing_speed, moved_earlier, running_plan, tell_arrival
 from gapsense.control.coil import is_quiet, left_open, raise_hold, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
@@ -101,6 +101,12 @@ def judged_by_current(state: State, par: Parameters) -> State:
     is_short = is_soft & not_(has_touched) & (is_absent | (by_contact & (heard.landing < 1.0)))
     is_felt = is_soft & is_there & not_(by_contact) & (law.missed > 0.0)
     law = law._replace(missed=law.missed - where(is_felt, FELT, 0.0), seated=where(is_soft, seated, law.seated))
+    floated = is_soft & not_(by_contact) & has_floated(state, par)
+    law = law._replace(floated=where(floated, 1.0, 0.0))
+    # an estimator may take a closing that floated for landed, or not tell it
+    is_slow = floated & (running.command > 0.5) & (law.was_followed > 0.0)
+    faster, higher = laws.raise_approach(law, par)
+    law = law._replace(speed=where(is_slow, faster, law.speed), floor=where(is_slow, higher, law.floor))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     return _raise_alarm(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
@@ -259,11 +265,15 @@ def _judge_landing(state: State, half: Scalar, has_landed: Scalar, landing: Scal
     is_weak = (has_landed < 1.0) & (state.by_model < 1.0)
     kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
+    is_chosen = (law.floated > 0.0) & (half > 0.5)  # the next approach is, since it ended
+    chosen = law.speed, law.floor
     law = cond(
         is_plain, lambda: plain, lambda: laws.choose_approach(law, has_landed, is_late, _slowest(state, par), par)
     )
+    speed, floor = (where(is_chosen, old, new) for old, new in zip(chosen, (law.speed, law.floor)))
+    law = law._replace(speed=speed, floor=floor)
     return state._replace(
         laws=laws.write(state.laws, half, law),
-        fell=where(is_late, 1.0, 0.0),
+        fell=where(is_late | is_chosen, 1.0, 0.0),
         is_strong=where(half > 0.0, where(is_plain & is_weak, 1.0, kept), state.is_strong),
     )

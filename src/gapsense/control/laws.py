@@ -63,7 +63,7 @@ def forget(law: Law, by_model: Scalar, par: Parameters) -> Law:
 def start_operation(law: Law, is_plain: Scalar) -> Law:
     """Count an operation that begins as not judged yet."""
     missed = law.missed + where(is_plain, 0.0, UNJUDGED)
-    return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), was_followed=1.0)
+    return law._replace(missed=missed, was_plain=where(is_plain, 1.0, 0.0), was_followed=1.0, floated=0.0)
 
 
 def is_late(has_landed: Scalar, after: Scalar, travel: Scalar, is_noisy: Scalar) -> Scalar:
@@ -71,15 +71,20 @@ def is_late(has_landed: Scalar, after: Scalar, travel: Scalar, is_noisy: Scalar)
     return (has_landed < 1.0) | (after > where(is_noisy, LATER, LATE) * travel)
 
 
-def choose_approach(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters) -> Law:
-    """Choose the next approach after a soft operation; `least` is the speed of the slowest ones."""
-    raised, faster, slower = RAISE * law.speed, law.speed / SHRINK, SHRINK * law.speed
+def raise_approach(law: Law, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Speed and floor of the next approach after an operation that fell short."""
+    raised, faster = RAISE * law.speed, law.speed / SHRINK
     higher = where(law.floor > raised, law.floor, raised)
     higher = where(higher < HIGHEST_FLOOR, higher, HIGHEST_FLOOR)
+    return where(faster < par.approach_first, faster, par.approach_first), higher
+
+
+def choose_approach(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters) -> Law:
+    """Choose the next approach after a soft operation; `least` is the speed of the slowest ones."""
+    slower, short = SHRINK * law.speed, raise_approach(law, par)
     least = where(least < HIGHEST_FLOOR, least, HIGHEST_FLOOR)
-    floor = where(fell_short, higher, least + KEEP * where(law.floor > least, law.floor - least, 0.0))
-    faster = where(faster < par.approach_first, faster, par.approach_first)
-    speed = where(fell_short, faster, where(slower > floor, slower, floor))
+    floor = where(fell_short, short[1], least + KEEP * where(law.floor > least, law.floor - least, 0.0))
+    speed = where(fell_short, short[0], where(slower > floor, slower, floor))
     is_told = law.was_followed > 0.0  # else it was the voltage that fell short, not the approach
     return law._replace(
         speed=where(is_told, speed, law.speed),
@@ -94,7 +99,7 @@ def ease_opening(law: Law, is_told: Scalar, after: Scalar) -> Law:
     The estimator only tells late ones: while the mover floats before its stop, a model of another core drifts, and soon
     takes it for landed where it is not.
     """
-    late = where(is_told, clip(after, 0.0, LATEST), 0.0)
+    late = where(is_told, where(law.floated > 0.0, LATEST, clip(after, 0.0, LATEST)), 0.0)
     both = where(late < law.late, late, law.late)
     a = where(is_told, clip(REMEMBERED * law.mean[0] - EASED * both, -EASIEST, 0.0), law.mean[0])
     b = where(is_told, -a, law.mean[1])

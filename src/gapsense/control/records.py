@@ -167,7 +167,8 @@ class Law(NamedTuple):
     length: Scalar  # samples of the last one
     was_plain: Scalar  # 1: that was an ordinary one
     was_followed: Scalar  # 1: in that the flux linkage could follow the profile
-    late: Scalar  # of an opening: by which the last one came late, by an estimator [s]
+    late: Scalar  # of an opening: by which the last one came late, by an estimator or as it floated [s]
+    floated: Scalar  # 1: the last one has ended; its mover went on after the planned arrival, by the current
     seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
 
 
