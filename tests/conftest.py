@@ -15,6 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 sys.path.append(str(Path(__file__).parent / "fmus"))  # with helpers
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: to start threads takes half its time
 
 import pytest
 import typer.testing
@@ -45,9 +46,6 @@ store.SYNCHRONOUS = "OFF"  # no test cuts the power, and six thousand waits for 
 gc.disable()  # until all tests have been found, which takes three times as long with it
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])  # no test is timed
 settings.load_profile("busy")
-os.environ.setdefault(
-    "OPENBLAS_NUM_THREADS", "1"
-)  # of the many processes: to start threads takes half the time of numpy
 os.environ.setdefault("GAPSENSE_CACHE", str(ROOT / "build" / "cache"))  # of libraries for many runs
 if hasattr(typer.testing, "_get_command"):  # else every call of a command makes all of them anew, in 60 ms
     typer.testing._get_command = cache(typer.testing._get_command)

@@ -38,6 +38,7 @@ def as_told(port, number):
     return port.choices[int(number)] if port.choices else bool(number) if port.kind == "Boolean" else number
 
 
+@pytest.mark.slow
 def test_class_has_the_bits_of_the_kernel():
     """What most tests here rely on."""
     voltage, given = square_wave()[450:600], {"hysteresis": 1.0, "stop_law": 1.0, "initial_position": 0.5e-3}

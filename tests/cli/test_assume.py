@@ -134,6 +134,7 @@ def test_mark_without_a_value_is_refused(gapsense):
     assert done.exit_code == 2 and "assumed: `stop.uper` has no value" in done.stderr and "`stop.upper`" in done.stderr
 
 
+@pytest.mark.slow
 def test_accuracy_of_what_is_given_goes_into_the_errors_of_what_depends_on_it(gapsense):
     def error(name, *options):
         done = gapsense("identify", "valve.csv", *known(**{"stop.restitution": 0.0}), *QUICK, *options)
@@ -180,6 +181,7 @@ def test_gap_law_asks_for_the_turns_and_marks_what_rests_on_assumed_ones(gapsens
     assert again.exit_code == 2 and "`gap.file` (" in again.stderr and "`stop.upper` (" in again.stderr
 
 
+@pytest.mark.slow
 def test_coil_of_unknown_turns_is_marked(gapsense, tmp_path):
     k = np.arange(1200)
     u = np.where((k > 100) & (k % 600 > 120) & (k % 600 < 280), 10.0, 0.0)

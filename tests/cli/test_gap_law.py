@@ -12,6 +12,7 @@ from gapsense.identification.parameter_set import parameters_of, read_sets, read
 TABLE = Path(__file__).resolve().parents[1] / "identification" / "records" / "takaha-inductance.csv"
 
 
+@pytest.mark.slow
 def test_command_writes_a_set_that_the_valve_takes(gapsense, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("known.toml").write_text('[values]\n"stop.upper" = 4e-3\n"gap.slope" = 1e9\n', encoding="utf-8")

@@ -78,6 +78,7 @@ def test_identify_writes_a_parameter_set_and_says_how_certain_it_is(identified, 
 NAMES = ("drive_voltage", "solenoid_valve", "sensor", "semera", "integral_estimator", "ekf")  # of the scenario, and one
 
 
+@pytest.mark.slow
 def test_identified_set_builds_fmus_that_run_with_it(identified, data, gapsense, monkeypatch):
     monkeypatch.chdir(ROOT)
     file, _ = identified

@@ -26,6 +26,7 @@ def hot_and_cold(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_command_tells_the_coefficient_and_notes_it_in_the_set(gapsense, hot_and_cold):
     options = ["--temperature", "20,60", "--parameters", "known.toml", "--starts", "1"]
     done = gapsense("identify", "at20.csv", "at60.csv", *options)

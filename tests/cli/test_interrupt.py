@@ -69,6 +69,7 @@ def test_interrupted_run_leaves_a_partial_result_and_says_so(process, long, fmus
     assert not side["metrics"]
 
 
+@pytest.mark.slow
 def test_interrupted_figure_writes_nothing(process, long, fmus, tmp_path):
     code, _, err = interrupted(process(LOUD, "figure", long, "--fmus", fmus, "--out", tmp_path / "out" / "x.png"))
     assert code == 130 and "nothing was written" in err and "Traceback" not in err

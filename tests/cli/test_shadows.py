@@ -68,6 +68,7 @@ os.execvp("cc", ["cc", *(word for word in sys.argv[2:] if word not in left_out),
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="a script stands in for the compiler")
 def test_compiler_of_zig_is_found_without_the_working_folder(gapsense, shadows, tmp_path, monkeypatch):
     about = tmp_path / "site" / f"ziglang-{ZIG}.dist-info" / "METADATA"

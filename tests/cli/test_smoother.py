@@ -30,6 +30,7 @@ def test_monte_carlo_prints_tables_and_orderings_and_writes_figures_and_numbers(
     assert "0 tasks computed now" in again.output
 
 
+@pytest.mark.slow
 def test_consistency_prints_its_numbers_beside_the_published(gapsense, tmp_path):
     done = gapsense("study", "consistency", "--runs", 5, "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output

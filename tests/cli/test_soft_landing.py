@@ -37,6 +37,7 @@ def usual(tmp_path_factory, following):
     return file, done, assert_rising
 
 
+@pytest.mark.slow
 def test_voltage_table_is_written_and_its_use_told(usual):
     file, done, assert_rising = usual
     assert (done.exit_code, done.stderr) == (0, "")

@@ -176,6 +176,7 @@ print(result.computed, *result.metrics["spread"])
 """
 
 
+@pytest.mark.slow
 def test_changed_package_is_computed_again(write, fmus, tmp_path):
     package = tmp_path / "copy" / "gapsense"
     shutil.copytree(Path(gapsense.__file__).parent, package)  # with what is compiled, which the times of files decide

@@ -65,6 +65,7 @@ def wrong_operations(seed: int, runs: int) -> np.ndarray:
     return wrong[:, FIRST:]
 
 
+@pytest.mark.slow
 def test_it_learns_a_device_whose_first_windows_nothing_explains() -> None:
     """A first window that was not explained was the end of the search: 4 of 40 devices stayed wrong for good."""
     wrong = wrong_operations(4, 40)

@@ -103,6 +103,7 @@ def test_any_input_gives_finite_outputs(
     assert np.all(np.diff(times) > 0.5 * dt) and np.all(times >= -1e-9) and np.all(times <= voltage.size * dt)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=5)
 def test_the_python_code_never_raises(seed: int) -> None:

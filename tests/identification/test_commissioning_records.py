@@ -42,6 +42,7 @@ def test_positions_on_other_drives(condition, seed):
     assert fit.position_error(result) < GOAL
 
 
+@pytest.mark.slow
 def test_offset_8_bits_and_100_us_with_a_clamp_give_the_positions():
     """All at once, in four operations."""
     c, made, result = commissioned(7, "offset, 8 bits, every 100 us", clamp=40.0)

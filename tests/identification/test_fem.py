@@ -375,6 +375,7 @@ def test_first_currents_tell_eddy_currents_that_no_table_tells(tmp_path, magnet,
     assert from_table(tmp_path, magnet._replace(volts=volts)) < 0.005e6 * magnet.stroke
 
 
+@pytest.mark.slow
 def test_windows_of_mhe_come_from_a_trial_at_the_supply(tmp_path):
     known = tmp_path / "known.toml"
     known.write_text(

@@ -65,6 +65,7 @@ def test_record_that_is_not_late_keeps_its_times():
     assert result.drive == {} and result.uncertainty.causes == {}
 
 
+@pytest.mark.slow
 def test_edges_that_lie_differently_have_a_place_each():
     """With one delay for all of them the model leaves twice the noise, and errors are several times as large."""
     drive = {"period": 16.03e-3, "on": 5.02e-3, "edge": 0.2}

@@ -168,6 +168,7 @@ def test_reading_of_the_voltage_follows_from_the_positions():
     assert start.conventions == ("trapezoid",)
 
 
+@pytest.mark.slow
 def test_inductances_give_the_law_and_saturation_the_part_of_the_core(tmp_path):
     gaps = np.linspace(0.0, 1e-3, 11)
     L = TURNS**2 / (3.25e6 + leaky(gaps)) * (1.0 + 3e-4 * np.random.default_rng(5).standard_normal(gaps.size))

@@ -107,6 +107,7 @@ def test_losses_and_fringes_are_found_within_their_errors(name):
     assert max(map(abs, off.values())) < 3.0 and np.sqrt(np.mean(np.square([*off.values()]))) < 1.6, off
 
 
+@pytest.mark.slow
 def test_resistances_of_a_core_that_stays_magnetised_are_balanced_until_they_rest():
     """The flux linkage that stays tells them, and they tell it: twice left turns 0.16 and damping 5 % off."""
     options = CASES["hysteresis"][0]

@@ -19,6 +19,7 @@ def run(*arguments: str) -> tuple[int, str]:
     return result.exit_code, " ".join(result.output.split())
 
 
+@pytest.mark.slow
 def test_several_components_get_the_outputs_that_they_have(tmp_path: Path) -> None:
     code, text = run("semera", "ekf", "mhe", "--outputs", "resistance,flux_linkage", "--out", str(tmp_path))
     assert code == 0, text

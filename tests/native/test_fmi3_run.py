@@ -63,6 +63,7 @@ def host(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled_host(("cc",), tmp_path_factory.mktemp("host") / "host3", source="host3.c")
 
 
+@pytest.mark.slow
 def test_sources_compile_as_a_stranger_compiles_them(host: Path, tmp_path: Path) -> None:
     folder = next(folder for folder in FOLDERS if folder.name == "drive_voltage")
     part = Part(folder, fmu(folder).component, fmu(folder).path)

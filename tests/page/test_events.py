@@ -190,6 +190,7 @@ def test_event_of_a_page_is_counted_in_base_steps_as_the_runner_counts(valve):
     assert lost["step"] == 2 and lost["link"] == 4  # behind the four connections of the sensor
 
 
+@pytest.mark.slow
 def test_noise_of_long_events_is_refused_in_a_sentence(valve):
     long = Event("hiss", port("sensor.current"), "noise", 1.0, at=0.0)
     events = {name: replace(long, name=name) for name in ("hiss", "hum", "buzz")}

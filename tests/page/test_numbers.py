@@ -104,6 +104,7 @@ def test_window_of_a_metric_counts_from_the_first_beginning_of_its_event(page, m
     assert page.evaluate("([metric, run, plan]) => windowOf(metric, run, plan)", [metric, run, TIMES]) == window
 
 
+@pytest.mark.slow
 def test_bond_takes_the_values_that_the_steps_had(page):
     """With Jacobi those of inputs stand a row before."""
     plan = {**TIMES, "decimation": 1, "count": 3, "components": [{"name": "a", "step": 1, "offset": 0}]}

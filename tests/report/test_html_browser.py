@@ -31,6 +31,8 @@ INKED = """(canvas) => {  // pixels of a canvas that have something on them, by 
 }"""
 ALL_INKED = f"() => [...document.querySelectorAll('.paper')].map({INKED})"
 
+pytestmark = pytest.mark.slow  # a browser is started
+
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -83,7 +85,6 @@ def test_page_loads_without_errors_and_fetches_nothing_but_itself(opened, file):
     assert opened.page.title() == "Made by hand - Gapsense"
 
 
-@pytest.mark.slow
 def test_policy_of_the_page_stops_other_scripts(browser, file, tmp_path):
     other = tmp_path / "other.html"
     text = file.read_text(encoding="utf-8").replace("<main>", "<main><script>window.evil = 1</script>")
@@ -164,7 +165,6 @@ def test_values_at_the_cursor_are_those_of_the_record(opened):
         assert float(chip.locator("output").inner_text()) == pytest.approx(factor * result[name][int(at)], rel=2e-4)
 
 
-@pytest.mark.slow
 def test_dark_ground_has_light_ink_and_the_other_way_round(browser, file):
     ink = "() => [...Bokeh.documents[0].all_models].find((m) => m.type === 'LinearAxis').major_label_text_color"
     ground = "() => getComputedStyle(document.body).backgroundColor"
@@ -182,7 +182,6 @@ def test_dark_ground_has_light_ink_and_the_other_way_round(browser, file):
     assert found["dark"] == found["light, then dark"] == ("#e8ebef", "rgb(21, 25, 30)")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 800, 1600])
 def test_page_is_as_wide_as_the_window(browser, file, width):
     opened = Opened(browser, file, width=width)
@@ -192,7 +191,6 @@ def test_page_is_as_wide_as_the_window(browser, file, width):
     opened.page.close()
 
 
-@pytest.mark.slow
 def test_finger_scrolls_the_page_and_zooms_by_the_buttons(browser, file):
     action = "(e) => getComputedStyle(e.shadowRoot.querySelector('.bk-events')).touchAction"
     plots = f"() => {VIEWS}[0].canvas.el"
@@ -204,7 +202,6 @@ def test_finger_scrolls_the_page_and_zooms_by_the_buttons(browser, file):
         opened.page.close()
 
 
-@pytest.mark.slow
 def test_print_has_everything_in_light_colours_also_from_a_dark_screen(browser, file, tmp_path):
     opened = Opened(browser, file, "dark")
     opened.page.evaluate("() => dispatchEvent(new Event('beforeprint'))")
@@ -228,7 +225,6 @@ def test_print_has_everything_in_light_colours_also_from_a_dark_screen(browser, 
     assert np.mean(np.all(paper > 200, axis=2)) > 0.95
 
 
-@pytest.mark.slow
 def test_contrast_of_texts_is_enough_on_both_grounds(browser, file):
     """4.5 to 1, as WCAG 2.2 asks for."""
     colours = """() => ['verdict', 'chip', 'controls', 'facts'].flatMap((c) => [...document.querySelectorAll('.' + c)])
@@ -266,7 +262,7 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
         return write_report([made_sweep(folder / "swept"), made_campaign(folder / "ran", 150)], folder / "many.html")
 
 
-@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_plots_of_many_runs_are_drawn_and_printed_without_complaint(browser, many, scheme):
     opened = Opened(browser, many, scheme)
     assert opened.complaints == [] and opened.fetched == [many.as_uri()]
@@ -305,7 +301,6 @@ def test_runs_that_are_chosen_in_one_plot_are_marked_in_all(browser, many):
     opened.page.close()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 800, 1600])
 def test_plots_of_many_runs_fit_any_window(browser, many, width):
     opened = Opened(browser, many, width=width)

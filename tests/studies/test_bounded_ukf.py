@@ -44,6 +44,7 @@ def only(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
     monkeypatch.setattr(bounded_ukf, "FILTERS", {name: bounded_ukf.FILTERS[name] for name in names})
 
 
+@pytest.mark.slow
 def test_robust_tuning_misses_no_landing_at_five_percent(wrong: dict[str, Errors], robust: Errors) -> None:
     assert wrong[ROBUST].missed.shape == (2, len(VOLTAGES), 64, 2)
     assert not wrong[ROBUST].missed.any()

@@ -281,6 +281,7 @@ def test_core_of_the_magnet_is_fitted_to_the_first_motions(plain):
     assert share == pytest.approx(known.CORE_SHARE, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_plain_run(plain, tmp_path):
     found = benchmark.measure(plain)
     position = {c.component: found[f"{c.component}.position"] for c in CONTENDERS if "position" in c.gives}

@@ -60,6 +60,7 @@ def compared(coarse):
     return compare(coarse, COMPARED, RUNS, 1)
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_scalar_kernel(coarse):
     """NRMSE (67) of two runs from `rts.smooth_record`, with the sums of the formula written out."""
     s, m, runs, width = coarse.samples, coarse.model, 2, 0.05
@@ -181,6 +182,7 @@ compare(study, json.loads(sys.argv[3]), int(sys.argv[4]), 2, Path(sys.argv[2]), 
 """
 
 
+@pytest.mark.slow
 def test_killed_run_goes_on_without_computing_anything_twice(coarse, compared, tmp_path):
     """Before the kill with two workers, afterwards with one."""
     given, file = tmp_path / "study.json", tmp_path / "found.sqlite"

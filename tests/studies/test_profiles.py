@@ -85,6 +85,7 @@ def test_no_motion_is_no_crash(first):
     drawn.trajectories([profile], "none")
 
 
+@pytest.mark.slow
 def test_figures_are_pictures(first, bouncing, tmp_path):
     profiles = [experiment.line_up(result) for result in (first, bouncing)]
     for name, figure in {

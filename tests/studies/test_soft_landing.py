@@ -63,6 +63,7 @@ def test_forward_simulation_gives_the_trajectory_back(par, trajectory, step):
         assert np.abs(positions - cycle.position).max() < CLOSE
 
 
+@pytest.mark.slow
 def test_independent_model_gives_the_trajectory_back(cycles):
     """The voltage is a spline through its rows: at the corners of straight lines a method of order 8 would crawl."""
     cycle, segments = cycles[0], []
@@ -76,6 +77,7 @@ def test_independent_model_gives_the_trajectory_back(cycles):
     assert np.abs(found[:, 0] - cycle.flux).max() < 1e-8 * cycle.flux.max()
 
 
+@pytest.mark.slow
 def test_reproduction_is_limited_by_the_steps_of_the_voltage_only():
     errors = []
     for step in (8e-6, 4e-6, 2e-6):
