@@ -130,27 +130,6 @@ def test_common_noise_is_the_same_at_every_point(write, fmus, tmp_path):
     assert spread[0] == spread[1] != spread[2] == spread[3]
 
 
-FAULTY = (
-    NOISE
-    + '[components.coil]\nfmu = "Faulty"\nset = { fault = "FAULT", at = 5.0, only = 2 }\n[inputs]\n"coil.u" = 0.0\n'
-)
-SEEDED = FAULTY.replace("noise = 10", "noise = 10\ncoil = 0")
-
-
-@pytest.mark.slow
-def test_failed_runs_are_rows_and_are_tried_again_when_asked_for(write, fmus, tmp_path):
-    study, out = write(COMMON.replace('"common"', '"own"'), SEEDED.replace("FAULT", "kill")), tmp_path / "out"
-    for retry, computed in ((False, 4), (False, 0), (True, 1)):
-        result = campaign(study, 2, out, fmus, retry=retry)
-        assert (result.computed, result.rows, result.failed) == (computed, 4, 1)
-        ((index, error),) = result.errors(5)
-        assert index == 2
-        assert (
-            error == "coil, t = 5 s (base step 51): its process was ended by signal 9 (SIGKILL, Killed), in its step."
-        )
-        assert np.isnan(result.column("end")[2]) and np.isfinite(result.column("end")[[0, 1, 3]]).all()
-
-
 def test_number_that_does_not_exist_is_missing_and_no_failure(write, fmus, tmp_path):
     rare = NOISE.replace('kind = "std"', 'kind = "std"\nwhere = "source.y"').replace(
         'fmu = "Source"', 'fmu = "Source"\nset = { level = 0.0 }'

@@ -7,6 +7,7 @@ import signal
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from studies_of_ramps import NOISE, STUDY, rows
 
@@ -112,3 +113,24 @@ def test_two_clients_on_one_folder_do_nothing_twice(write, fmus, start, tmp_path
     said = [process.communicate(timeout=60)[0].split() for process in (first, second)]
     assert read_campaign(out).column("run").tolist() == [*range(12)]
     assert said[0][-1] == "12" and said[1] == ["12"], said
+
+
+OWN = 'title = "x"\nscenario = "demo"\nseeds = 2\nnoise = "own"\n[grid]\n"source.slope" = [1.0, 2.0]\n'
+FAULTY = (
+    NOISE
+    + '[components.coil]\nfmu = "Faulty"\nset = { fault = "FAULT", at = 5.0, only = 2 }\n[inputs]\n"coil.u" = 0.0\n'
+)
+SEEDED = FAULTY.replace("noise = 10", "noise = 10\ncoil = 0")
+
+
+def test_failed_runs_are_rows_and_are_tried_again_when_asked_for(write, fmus, tmp_path):
+    study, out = write(OWN, SEEDED.replace("FAULT", "kill")), tmp_path / "out"
+    for retry, computed in ((False, 4), (False, 0), (True, 1)):
+        result = campaign(study, 2, out, fmus, retry=retry)
+        assert (result.computed, result.rows, result.failed) == (computed, 4, 1)
+        ((index, error),) = result.errors(5)
+        assert index == 2
+        assert (
+            error == "coil, t = 5 s (base step 51): its process was ended by signal 9 (SIGKILL, Killed), in its step."
+        )
+        assert np.isnan(result.column("end")[2]) and np.isfinite(result.column("end")[[0, 1, 3]]).all()
