@@ -181,6 +181,13 @@ def sample_models(
     return currents(KERNEL, pars, every[:, None, :], name)[:, :: drive.parts]
 
 
+def sample_record(
+    pars: Sequence[simulated.Parameters], drive: Excitation, places: Vector, name: str = "current"
+) -> Matrix:
+    """The same of models that all have the voltages of one record."""
+    return sample_models(pars, drive, same_volts(drive, places, len(pars)), name)
+
+
 def simulate(
     par: Parameters, drive: Excitation, places: Vector, offset: float = 0.0, beyond: Beyond = USUAL
 ) -> Trajectory:
@@ -436,8 +443,7 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
 
     def weigh_currents(known: Sequence[Parameters]) -> Matrix:
         pars = [simulated.Parameters(one, found.beyond) for one in known]
-        volts = [same_volts(d, at, len(pars)) for d, at in zip(p.drives, places)]
-        return np.hstack([d.weights * sample_models(pars, d, of_each) for d, of_each in zip(p.drives, volts)])
+        return np.hstack([d.weights * sample_record(pars, d, at) for d, at in zip(p.drives, places)])
 
     if has_law and p.beyond.core_power and all(r.is_explained for r in residuals):
         law_moves = np.asarray(np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(found.known, weigh_currents).T))[:n]
@@ -536,7 +542,7 @@ def position_error(result: Commissioned) -> float:
     pars, moves, found = [parameters_at(p, x) for x in STEP * np.eye(len(p.names))], result.law_moves, list[float]()
     plain = result.covariance - moves @ moves.T
     for one, places, model in zip(result.drives, result.places, result.models):
-        moved = sample_models(pars, one, same_volts(one, places, len(pars)), "position")
+        moved = sample_record(pars, one, places, "position")
         slopes = (moved - model.position) / STEP
         variance = np.einsum("jt,jk,kt->t", slopes, plain, slopes)
         if moves.size:
@@ -548,7 +554,7 @@ def position_error(result: Commissioned) -> float:
 
 def _positions(drive: Excitation, places: Vector, beyond: Beyond, known: Sequence[Parameters]) -> Matrix:
     pars = [simulated.Parameters(one, beyond) for one in known]
-    return sample_models(pars, drive, same_volts(drive, places, len(pars)), "position")
+    return sample_record(pars, drive, places, "position")
 
 
 def doubt(p: Problem) -> float:
