@@ -229,13 +229,13 @@ def flatten(value: Any) -> list[Any]:
 
 def rebuild(like: T, scalars: Iterator[Any]) -> T:
     """The structure of `like` filled with `scalars`."""
-    return _rebuilt(like, scalars)  # type: ignore[no-any-return]
+    return _rebuild(like, scalars)  # type: ignore[no-any-return]
 
 
-def _rebuilt(like: Any, scalars: Iterator[Any]) -> Any:
+def _rebuild(like: Any, scalars: Iterator[Any]) -> Any:
     if isinstance(like, np.ndarray):
-        return np.array([*(_rebuilt(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
+        return np.array([*(_rebuild(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
     if isinstance(like, (tuple, list)):
-        items = [_rebuilt(item, scalars) for item in like]
+        items = [_rebuild(item, scalars) for item in like]
         return like._make(items) if hasattr(like, "_make") else type(like)(items)
     return next(scalars)

@@ -68,7 +68,7 @@ class Columns:
         """Number of each text."""
         return {name: {text: k for k, text in enumerate(texts)} for name, texts in self.texts.items()}
 
-    def packed(self, seed: int, values: Mapping[str, Any], metrics: Mapping[str, Any], wall: float | None) -> bytes:
+    def pack(self, seed: int, values: Mapping[str, Any], metrics: Mapping[str, Any], wall: float | None) -> bytes:
         """Bytes of a run; a metric that is missing is NaN."""
         given = [self.codes[n][str(values[n])] if n in self.codes else values[n] for n in self.factors]
         found = [metrics.get(name) for name in self.metrics]
@@ -102,7 +102,7 @@ def contents(columns: Columns, entries: Iterable[Mapping[str, Any]]) -> tuple[Co
     more: dict[str, Contents] = {ERRORS: {}, WORDS: {}, SIGNALS: {}}
     for entry in entries:
         run, metrics = entry["index"], entry.get("metrics", {})
-        runs[run] = columns.packed(entry["shift"], entry["values"], metrics, entry.get("wall"))
+        runs[run] = columns.pack(entry["shift"], entry["values"], metrics, entry.get("wall"))
         others = {name: value for name, value in metrics.items() if name not in columns.metrics}
         words = {**({ENDED: entry[ENDED]} if ENDED in entry else {}), **({"metrics": others} if others else {})}
         if ERROR in entry:

@@ -53,7 +53,7 @@ def compare(result: Result, baseline: Baseline) -> Comparison:
     if problem:
         return Comparison((problem,))
     names = select_signals(result, baseline)
-    found = [difference(result, name, columns[name], baseline) for name in names if name in columns]
+    found = [compare_rows(result, name, columns[name], baseline) for name in names if name in columns]
     return Comparison(tuple(other_signals(names, columns)), tuple(found))
 
 
@@ -85,7 +85,7 @@ def tolerance_of(name: str, baseline: Baseline) -> Tolerance:
     return next(own, baseline.tolerance)
 
 
-def difference(result: Result, name: str, reference: Vector, baseline: Baseline) -> Difference:
+def compare_rows(result: Result, name: str, reference: Vector, baseline: Baseline) -> Difference:
     """A signal of a result beside its reference at the same rows."""
     tolerance, signal = tolerance_of(name, baseline), result.about[name]
     rows = reach(tolerance.edge_steps, step_of(name, result.run), result.times)

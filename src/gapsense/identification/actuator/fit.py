@@ -32,13 +32,13 @@ from gapsense.identification.least_squares import (
     STEP,
     Matrix,
     Vector,
-    currents,
     differences,
     finite,
     independent,
     minimise,
     promise,
     rms,
+    sample_outputs,
 )
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.measurements.signals import ANYWHERE
@@ -178,7 +178,7 @@ def sample_models(
     """
     every = np.vstack([np.zeros((1, len(pars))), volts])
     pars = [par._replace(known=par.known._replace(sample_time=drive.step)) for par in pars]
-    return currents(KERNEL, pars, every[:, None, :], name)[:, :: drive.parts]
+    return sample_outputs(KERNEL, pars, every[:, None, :], name)[:, :: drive.parts]
 
 
 def sample_record(

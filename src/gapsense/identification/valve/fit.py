@@ -270,7 +270,7 @@ def fit_valve(
     others: list[Found] = []
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
         at, *others = _with_edges(fit, at, _forms(known, at.form, _beside(sought, beginning.trials)), drive.fitted)
-    others += [*_nearly_taken(fit, at, beginning.trials), *_timed_otherwise(fit, at, beginning.others)]
+    others += [*_nearly_taken(fit, at, beginning.trials), *_fit_other_delay(fit, at, beginning.others)]
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
@@ -302,7 +302,7 @@ def _nearly_taken(fit: Fit, at: Found, trials: Sequence[Trial]) -> list[Found]:
     return ends
 
 
-def _timed_otherwise(fit: Fit, at: Found, others: Sequence[Timed]) -> list[Found]:
+def _fit_other_delay(fit: Fit, at: Found, others: Sequence[Timed]) -> list[Found]:
     """The minima, for all operations, with another delay, or none, and the form that goes with it."""
     ends = list[Found]()
     for other in others:
