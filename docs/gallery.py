@@ -22,15 +22,15 @@ NATIVE = ROOT / "build" / "native"  # FMUs with the bits of the Python ones, in 
 STUDIES = {  # what a study draws with which options, and its file; studies that print tables only are not here
     "ukf-noise --seeds 2": ("Errors of the bounded UKF over the noise, [UKF] Fig. 8", "ukf_noise.png"),
     "faults": ("Faults of the current sensor, and what three estimators do with them", "faults.png"),
-    "hybrid-ekf --seeds 10": (
+    "hybrid-ekf --seeds 4": (
         "Deviations of the hybrid Kalman filter over the noise, [HEKF] Figs. 8 to 11",
         "hybrid_ekf_consistent_noise.png",
     ),
     "measuring --seeds 0": ("A good record of a valve", "measuring_good.png"),
     "observability-rts": ("Samples that make the state observable, [RTS] Fig. 6", "observability_rts.png"),
     "reference-cycle": ("The cycle with soft landing of [RTS] Fig. 5", "reference_cycle.png"),
-    "monte-carlo --runs 100": ("Errors of filter and smoother over wrong parameters, [RTS] Fig. 9", "monte_carlo.png"),
-    "consistency --runs 200": ("Errors of the smoother against its covariances, [RTS] Fig. 8", "consistency_nees.png"),
+    "monte-carlo --runs 50": ("Errors of filter and smoother over wrong parameters, [RTS] Fig. 9", "monte_carlo.png"),
+    "consistency --runs 100": ("Errors of the smoother against its covariances, [RTS] Fig. 8", "consistency_nees.png"),
     "run-to-run --runs 8 --cycles 12 --conditions plain --laws contact,model": (
         "Soft landing from cycle to cycle, eight valves that nobody knows",
         "run_to_run_plain_speeds.png",
