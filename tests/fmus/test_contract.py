@@ -27,6 +27,10 @@ from gapsense.units import UNITS
 ERROR = 3
 FAULTS = ("exception", "nothing", "nan", "infinite")  # of drivers.FAULTS
 ALIKE = pytest.mark.parametrize("part", some(*FEW), indirect=True)  # of code that all FMUs share
+OTHERS = [
+    folder.name for folder in FOLDERS if folder.name != "mhe"
+]  # which takes 5 s of Python; its native one is quick
+EASY = pytest.mark.parametrize("part", some(*OTHERS), indirect=True)
 EXITS = [4, pytest.param(50, marks=pytest.mark.slow)]  # processes that end
 
 
@@ -343,6 +347,7 @@ def in_c_host(program: Path, folders: list[Path], step: float) -> int:
 # Expected results -----------------------------------------------------------------------------------------------------
 
 
+@EASY
 def test_reproduces_its_reference(part: Part, fmu: str) -> None:
     """The file holds what the FMU gave when `python tests/fmus/make_references.py` was last run."""
     file = part.folder / "reference.csv"
