@@ -31,7 +31,7 @@ from gapsense.shipped import is_installed
 Progress = Callable[[int, int], None]
 RUNS, LEAST_RUNS, MOST_RUNS = 6, 4, 16  # an order that is told takes two ratios of changes, and so four runs
 TOLERANCE = 1e-3  # of the range of a signal
-SETTLED = 0.1  # in the tolerance: a smaller change is none
+SETTLED = 0.1  # in the tolerance: a smaller change does not count
 NOISE, DISCRETE, QUANTISED, RESTLESS = "noise", "discrete", "quantised", "its changes show no order"
 ROUNDING = 1e-9  # of the range: changes below it tell nothing
 RATIOS = 2  # of changes that have to give the same order
@@ -353,7 +353,7 @@ class Judge:
         return changes[-1] <= SETTLED * self.tolerance * scale
 
     def conclude(self, results: Sequence[Result], stopped: str) -> Convergence:
-        """Conclude from all results what is told of each signal."""
+        """Conclude from all results how each signal tends."""
         own = recorded_signals(self.scenario, self.descriptions)
         found = self.explain(self.tendencies(results), results)
         return Convergence(
