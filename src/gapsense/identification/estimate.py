@@ -57,7 +57,7 @@ class Estimate(NamedTuple):
     values: Mapping[str, Value]
     units: Mapping[str, str]  # of the outputs; empty where the FMU states none
     resistance: float | None = None  # that its model has, given or not [Ohm]
-    unset: Mapping[str, Value] = {}  # start values that describe the device or the noise, and that nobody gave
+    unset: Mapping[str, Value] = {}  # start values of the device or the noise, which were not given
 
 
 def signals_of(record: Record) -> dict[str, Vector]:
@@ -205,7 +205,7 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
 
 
 def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, Value]:
-    """Start values for the device and the noise that an estimator uses because nobody gave others."""
+    """Start values for the device and the noise that an estimator uses because no others were given."""
     laws = {"gap.reluctance", "gap.slope", "gap.fringing", "gap.window", "gap.area"}
     values = {**starts, **given}
     law = values.get("gap.law")
@@ -235,7 +235,7 @@ FAR = {
     "flux linkage": 0.15,
     "current": 0.2,
 }  # relative to what the record tells, RMS; a warm coil has 0.1
-FLOWS = 0.1  # of the largest current: less is none
+FLOWS = 0.1  # of the largest current: less does not count
 HEALTHY = 0.5  # part of the samples
 INNOVATION = 10.0  # times the noise: more is left by a model that is another one
 
@@ -267,7 +267,7 @@ def doubts(record: Record, estimates: Sequence[Estimate]) -> list[str]:
 
 
 def truth(record: Record) -> Truth:
-    """What a record tells of the device whatever its model."""
+    """What a record says about the device, whatever its model."""
     found = operations(record) if begins_at_rest(record) else []
     flux: Flux | None = integral(record, found) if found else None
     at = found[-1].inside if found else slice(record.times.size // 2, record.times.size)
