@@ -211,7 +211,7 @@ def converge(
     """
     keep = (keep,) if isinstance(keep, str) else keep
     read, descriptions = prepare(scenario, variant, fmus)
-    refuse(read, runs, tolerance, keep, write)
+    refuse(read, runs, budget, tolerance, keep, write)
     if problems := [
         *check_size(record_wires(read), runs * len(recorded_signals(record_wires(read), descriptions)), memory())
     ]:
@@ -240,7 +240,7 @@ def converge(
     return found
 
 
-def refuse(scenario: Scenario, runs: int, tolerance: float, keep: Collection[str], write: bool) -> None:
+def refuse(scenario: Scenario, runs: int, budget: float, tolerance: float, keep: Collection[str], write: bool) -> None:
     """Raise a ScenarioError for options that make no sense, before a long run."""
     problems = [
         f"--keep: there is no component `{name}`. {suggest(name, scenario.components)}"
@@ -249,6 +249,8 @@ def refuse(scenario: Scenario, runs: int, tolerance: float, keep: Collection[str
     ]
     if not LEAST_RUNS <= runs <= MOST_RUNS:
         problems.append(f"--runs: {runs} found, {LEAST_RUNS} to {MOST_RUNS} expected. Correct the number.")
+    if not budget > 0.0:
+        problems.append(f"--budget: {budget:g} s found, a time above 0 expected. Correct it.")
     if not 0.0 < tolerance < 1.0:
         problems.append(f"--tolerance: {tolerance} found, a share of the range between 0 and 1 expected. Correct it.")
     if scenario.experiment.step_control is not None:

@@ -7,6 +7,7 @@ an error of the current is content, and one that is sure of a sound model doubts
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +35,7 @@ from gapsense.identification.measurements.record import UNITS, Record, Vector
 from gapsense.identification.parameter_set import values_for
 from gapsense.identification.residual import noise_of
 from gapsense.identification.valve.show import BY_NAME
-from gapsense.problems import listing
+from gapsense.problems import listing, suggest
 from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, scale_axis, stack
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
@@ -70,7 +71,7 @@ def subtract_given(record: Record, offsets: Sequence[str]) -> Record:
     for text in offsets:
         name, _, value = text.partition("=")
         try:
-            if name not in ("voltage", "current"):
+            if name not in ("voltage", "current") or not math.isfinite(float(value)):
                 raise ValueError
             record = record._replace(**{name: getattr(record, name) - float(value)})
         except ValueError:
@@ -119,7 +120,8 @@ def given_time(names: Collection[str], given: Mapping[str, Value], record: Recor
 
 def coarsen(record: Record, wanted: str | None, found: Mapping[str, Component], values: Mapping[str, Value]) -> Record:
     """Means of as few samples as all estimators that are wanted take; the record itself where none, or no means, do."""
-    asked = [c for name, c in found.items() if name.lower() in _parse_names(wanted)]
+    names = [word.lower() for word in _parse_names(wanted)]
+    asked = [c for name, c in found.items() if name.lower() in names]
     for size in range(1, MOST_MEANS):
         made = average_blocks(record, size) if size > 1 else record
         if not any(unfit(c, made, values) for c in asked):
@@ -139,8 +141,8 @@ def estimators(folder: Path) -> dict[str, Component]:
 
 
 def _parse_names(wanted: str | None) -> list[str]:
-    """Parse names of estimators, as they are compared."""
-    return [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else []
+    """Parse names of estimators; they are compared in lower case."""
+    return [word.strip().replace("_", "") for word in wanted.split(",")] if wanted else []
 
 
 def choose_estimators(
@@ -153,10 +155,10 @@ def choose_estimators(
     """
     plain = {name.lower(): name for name in found}
     asked = _parse_names(wanted) or list(plain)
-    if unknown := [word for word in asked if word not in plain]:
-        raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(found)}.")
+    if unknown := [word for word in asked if word.lower() not in plain]:
+        raise ValueError(f"--estimator: there is no estimator `{unknown[0]}`. {suggest(unknown[0], found)}")
     reasons = {}
-    for name in (plain[word] for word in asked):
+    for name in (plain[word.lower()] for word in asked):
         component, lacks = found[name], missing(record, found, name)
         reasons[name] = (None if wanted else foreign(component, values)) or lacks or unfit(component, record, values)
     refused = [reason for reason in reasons.values() if reason]
