@@ -1,7 +1,7 @@
 """Layout of the records that kernels take and return: named tuples of scalars, vectors, covariances, memory and tables.
 
 A field is annotated `Scalar`, or `Annotated[Array, Vector(3)]` and likewise `Covariance(n)`, `Memory(n)`, `Table()`, or
-with the class of a record that it holds; `Annotated[Scalar, Law]` says that a parameter is one of the choices `Law`.
+with the class of a record that it holds. `Annotated[Scalar, Law]` says that a parameter is one of the choices `Law`.
 `flat` and `record` turn a record into the flat sequence that generated code works on and back; of a covariance it holds
 the upper triangle.  The fields of a record within a record keep their names, which must differ from all others.
 """

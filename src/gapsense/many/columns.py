@@ -1,4 +1,4 @@
-"""Columns of many runs, and a run as bytes with these."""
+"""Columns of many runs, and how a run is packed into bytes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Contents = dict[int, bytes]  # by run
 
 @dataclass(frozen=True)
 class Columns:
-    """What there is of each run: parameters, metrics, signals, each with its unit."""
+    """The columns of each run: parameters, metrics, signals, each with its unit."""
 
     factors: Mapping[str, tuple[str, str]]  # type and unit
     metrics: Mapping[str, str]  # unit
@@ -75,7 +75,7 @@ class Columns:
         return self.layout.pack(seed, *(math.nan if x is None else float(x) for x in (*given, *found, wall)))
 
     def array(self, name: str, data: npt.NDArray[Any]) -> Vector:
-        """A column of some runs, of which neither errors nor ends are told."""
+        """A column of some runs; not one of errors or ends."""
         if name == "run":
             return np.asarray(data["place"] & (2**BITS - 1))
         if name == "seed":
@@ -92,7 +92,7 @@ class Columns:
 
 
 def from_facts(facts: Mapping[str, Any]) -> Columns:
-    """Columns of their JSON."""
+    """Read columns from their JSON."""
     return Columns(**{**facts, "factors": {name: (kind, unit) for name, (kind, unit) in facts["factors"].items()}})
 
 

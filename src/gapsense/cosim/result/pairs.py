@@ -1,4 +1,4 @@
-"""Compare two results, whoever made them: files, or all that two folders have under the same names."""
+"""Compare two results of any origin: two files, or all files that two folders have under the same names."""
 
 from __future__ import annotations
 

@@ -278,10 +278,7 @@ def finder(result: Result) -> Callable[[Metric], Samples]:
 
     They are found once for all metrics that look at the same ones.
     """
-
-    @cache
-    def find_steps(component: str) -> Rows:
-        return np.flatnonzero(result.stepped(component))
+    find_steps = cache(lambda component: np.flatnonzero(result.stepped(component)))
 
     @cache
     def inside(component: str, where: str | None, time: str | None, window: Window) -> Samples:

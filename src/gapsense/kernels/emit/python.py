@@ -253,8 +253,8 @@ def compile_graph(graph: Graph) -> Callable[..., Any]:
 # Few names for many values: in generated Python a name is used again once its value is no longer needed.
 #
 # CPython clears all local variables of a function at every call, and may have to map memory for them: a thousand cost
-# more than the arithmetic. What is done here is what compilers do with registers: find which values live at the same
-# time, unite both sides of copies that do not, and give each value the first name that none living with it has.
+# more than the arithmetic. This is what compilers do with registers. Find which values live at the same time, unite
+# both sides of copies that do not, and give each value the first name that no value living with it has.
 
 
 def rename_values(lines: Sequence[str]) -> list[str]:
