@@ -170,6 +170,7 @@ class Law(NamedTuple):
     late: Scalar  # of an opening: by which the last one came late, by an estimator or as it floated [s]
     floated: Scalar  # 1: the last one has ended; its mover went on after the planned arrival, by the current
     seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
+    rested: Scalar  # the same of closings, over the root of that once they are held; 0: not known [H^(-1/2)]
 
 
 LAW = len(names(Law))  # numbers in memory

@@ -79,6 +79,7 @@ OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
 PART = 0.5  # of the noise that is warned of: from then on an estimator steadies the flux linkage
+ENDING = 0.6  # of the travel of an opening: from then on a noisy estimator takes a mover that stalls for landed
 AGAIN = 2.0  # averaged operations, after an ordinary one
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
@@ -348,7 +349,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     def steady() -> Coil:
         time, is_noisy = running.age * par.sample_time, _is_noisy(state, par, PART)
-        return steady_flux(coil, inputs, time, running.drawn_before, is_noisy, par)
+        is_ending = (running.command < 0.5) & (time > par.opening_lead + ENDING * running.travel)
+        return steady_flux(coil, inputs, time, running.drawn_before, is_noisy, is_ending, par)
 
     coil = cond(state.by_model > 0.0, steady, lambda: coil)
     running = running._replace(
