@@ -147,7 +147,9 @@ def whole(state):
     if state.running.command == OPENING:
         state.fluxes[LONGEST:] = state.fluxes[LONGEST - 1]
         state.charges[LONGEST:] = 1.12 * state.charges[LONGEST - 1] / (LONGEST - 1.0) * np.arange(LONGEST)
-    return state._replace(running=state.running._replace(age=490.0, due=bend.due(plan, PAR)), by_model=1.0)
+    return state._replace(
+        running=state.running._replace(age=490.0, due=bend.due(plan, PAR), held=bend.held(plan, PAR)), by_model=1.0
+    )
 
 
 @pytest.mark.parametrize("half", [CLOSING, OPENING])

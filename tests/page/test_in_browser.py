@@ -247,7 +247,7 @@ def test_nine_components_take_less_than_twice_the_time_of_native_fmus(browser, t
     folder = nine.write(tmp_path)
     opened = Opened(browser, write_page(folder, tmp_path / "nine.html", fmus=fmus))
     assert_equal(opened, run(folder, fmus=natives))
-    opened.again(40)  # the browser compiles what takes long better meanwhile
+    opened.again(20)  # the browser compiles what takes long better meanwhile
     both = [
         (opened.again(1)[0], 1e3 * run(folder, fmus=natives).wall) for _ in range(20)
     ]  # in turn: others work here too

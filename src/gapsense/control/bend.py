@@ -254,8 +254,7 @@ def tell_afloat(state: State, rested: Scalar, par: Parameters) -> tuple[Scalar, 
     """
     running, T_s = state.running, par.sample_time
     n, m = (floor(time / T_s + 0.5) for time in (WIDE, NARROW))
-    plan = par.closing_lead + running.travel + par.approach_time
-    held, last = floor((plan + HOLDING) / T_s), running.age - 1.0 - m
+    held, last = running.held, running.age - 1.0 - m
     held = where(held < last, held, last)
     told, latest = told_at(running, par), held - m - n
     told = where(told < latest, told, latest)
@@ -295,6 +294,11 @@ def _reluctance(state: State, at: Scalar, n: Scalar, par: Parameters, off: Scala
 def due(plan: Operation, par: Parameters) -> Scalar:
     """Sample at which the mover is to have arrived."""
     return floor((plan.lead + arrival(plan) + SEATED) / par.sample_time)
+
+
+def held(plan: Operation, par: Parameters) -> Scalar:
+    """Sample at which the voltage has held the mover for a while."""
+    return floor((plan.lead + plan.travel + plan.tail + HOLDING) / par.sample_time)
 
 
 def piece(noise: Scalar, par: Parameters) -> Scalar:

@@ -279,9 +279,9 @@ def steady_flux(
 ) -> Coil:
     """Draw the flux linkage to that of an estimator, which does not sum up the noise of the current.
 
-    If that is noisy, faster, but by no more than noise explains since the operation began, a time ago, when
-    `before` had been added: an estimator that takes a mover for landed would pull the flux linkage away.  It does so
-    with one that stalls near the end of an opening, which less flux linkage would hold there: so none is taken away.
+    If that is noisy, draw faster, but by no more than noise explains since the operation began (`before` had been added
+    then). Otherwise an estimator that wrongly reports a landing would pull the flux linkage away. It reports that of a
+    mover that stalls near the end of an opening, and less flux linkage would hold it there, so none is taken away.
     """
     off = inputs.estimated_flux_linkage - coil.flux
     noise = coil.resistance * coil.noise

@@ -193,6 +193,7 @@ class Running(NamedTuple):
     since_limit: Scalar  # samples since the last one
     piece: Annotated[Scalar, Whole(0, PIECES)]  # samples of half of the time in which a slope of the current is taken
     due: Annotated[Scalar, Count]  # sample at which the mover is to have arrived
+    held: Annotated[Scalar, Count]  # sample at which the voltage has held it for a while
     is_judged: Scalar  # 1: the estimator has told what became of it
     last_age: Scalar  # samples of the operation before
     last_is_judged: Scalar  # the same of that

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, find_hardest_bend, locate_bend, piece, told_at
+from gapsense.control.bend import due, find_hardest_bend, held, locate_bend, piece, told_at
 from gapsense.control.coil import (
     AVERAGED,
     WARM,
@@ -234,6 +234,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
     is_plain = is_plain | is_there | (state.alarm > 0.0)
+    plan = plan_operation(half, law.speed, law.travel, 0.0, par)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     balance_flux = sqrt(balance(z0, m))
     is_noisy = state.coil.noise > AVERAGED * usual_current(par)
@@ -255,7 +256,8 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
             averaged=where(is_averaged, _count_averaged(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
             piece=piece(where(is_averaged, state.coil.noise, 0.0), par),
-            due=due(plan_operation(half, law.speed, law.travel, 0.0, par), par),
+            due=due(plan, par),
+            held=held(plan, par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
             drawn_before=state.coil.drawn,

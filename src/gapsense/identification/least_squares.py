@@ -52,7 +52,7 @@ class Minimum(NamedTuple):
     at_limit: npt.NDArray[np.bool_]  # of each number
 
 
-def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix, name: str = "current") -> Matrix:
+def sample_outputs(kernel: Kernel, pars: Sequence[Any], inputs: Matrix, name: str = "current") -> Matrix:
     """Currents, or another output, of several models with inputs of their own (samples, inputs, models).
 
     They are (models, samples).
@@ -91,7 +91,7 @@ def quotients(here: Vector, beside: Matrix, steps: Vector) -> Matrix:
 
 
 def finite(x: Vector) -> Vector:
-    """With large numbers in place of what is none, as models far from any device give it."""
+    """Replace NaN and infinity, which models far from any device give, by large numbers."""
     return x if np.isfinite(x).all() else np.nan_to_num(x, nan=FAR, posinf=FAR, neginf=-FAR)
 
 
