@@ -38,7 +38,7 @@ STUDIES = [  # with the options for their pictures; studies that print tables on
     ),
     Entry(
         "Deviations of the hybrid Kalman filter over the noise, [HEKF] Figs. 8 to 11",
-        "hybrid-ekf --seeds 10",
+        "hybrid-ekf --seeds 4",
         "hybrid_ekf_consistent_noise.png",
     ),
     Entry("A good record of a valve", "measuring --seeds 0", "measuring_good.png"),
@@ -50,10 +50,10 @@ STUDIES = [  # with the options for their pictures; studies that print tables on
     ),
     Entry("The cycle with soft landing of [RTS] Fig. 5", "reference-cycle", "reference_cycle.png", is_file=True),
     Entry(
-        "Errors of filter and smoother over wrong parameters, [RTS] Fig. 9", "monte-carlo --runs 100", "monte_carlo.png"
+        "Errors of filter and smoother over wrong parameters, [RTS] Fig. 9", "monte-carlo --runs 50", "monte_carlo.png"
     ),
     Entry(
-        "Errors of the smoother against its covariances, [RTS] Fig. 8", "consistency --runs 200", "consistency_nees.png"
+        "Errors of the smoother against its covariances, [RTS] Fig. 8", "consistency --runs 100", "consistency_nees.png"
     ),
     Entry(
         "Soft landing from cycle to cycle, eight valves that were never identified",

@@ -88,7 +88,7 @@ def page(
     from gapsense._os.native import NativeError
     from gapsense.page.page import write_page
 
-    source = cosim.lay_values(scenario, settings or ())
+    source = cosim.changed(scenario, settings or ())
     own = cosim.result_file(Path(), scenario, variant, settings or ())
     to = page_file(to) if to else free(Path(own.with_suffix(".html").name))
     refuse_unwritable(to)
