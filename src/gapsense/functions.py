@@ -11,7 +11,7 @@ Each imports what it needs when it is called.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -162,7 +162,7 @@ def identify(
         form: dict[str, Any] = {"column": column, "separator": separator, "decimal": decimal, "clipped": clipped}
         form |= {"assume": assume, "validate": validate, "voltage": voltage}
         return _commission(data, believed, **form, out=out, figure=figure, progress=progress)
-    with files(data) as paths, files(validate) as kept, set_file(out, data, validate, inductance) as (to, folder):
+    with files(data) as paths, files(validate, 0) as kept, set_file(out, data, validate, inductance) as (to, folder):
         how, picture = reading(pairs(column), voltage, separator, decimal, clipped), check_figure(figure)
         given = way.read(paths, how, kept, known, assume, **others)
         found = way.identify(given, to, starts, seed, progress)._asdict()
@@ -205,7 +205,7 @@ def commission(
     if not assume:
         ask(lacking, {port.name: port for port in show.PORTS.values()}, believed.name, "the component `Mhe`")
     how = reading(pairs(column), voltage, separator, decimal, clipped)
-    with files(data) as paths, files(validate) as others, set_file(out, data, validate) as (to, folder):
+    with files(data) as paths, files(validate, 0) as others, set_file(out, data, validate) as (to, folder):
         records, kept = (read_records(group, how, needs="rest") for group in (paths, others))
         result = fit.commission(records, known, progress, show.doubts(lacking))
         names = " ".join(path.name for path in paths)
@@ -389,6 +389,8 @@ def estimate(
     sets = [shipped(file) for file in ([parameters] if isinstance(parameters, (str, Path)) else parameters)]
     wanted = ",".join([estimator] if isinstance(estimator, str) else estimator or ()) or None
     with files(data) as paths:
+        if len(paths) > 1:
+            raise InputError([f"{len(paths)} records found, one expected. Estimate each on its own."])
         spare(path(out), paths)
         how = reading(pairs(column), "end", separator, decimal, clipped)
         record = thin(*read_records(paths, how, needs="samples"))
@@ -528,9 +530,13 @@ def check_figure(figure: File | None) -> Path | None:
 
 
 @contextmanager
-def files(data: Data) -> Iterator[list[Path]]:
+def files(data: Data, least: int = 1) -> Iterator[list[Path]]:
     """Records as files: those that are named, and arrays in a temporary folder."""
-    several = [data] if isinstance(data, (str, Path, Mapping)) else [*data]
+    several = [data] if isinstance(data, (str, Path, Mapping)) or not isinstance(data, Iterable) else [*data]
+    if not all(isinstance(each, (str, Path, Mapping)) for each in several):
+        raise TypeError(f"`{data!r:.60}` found; a file, a mapping of arrays, or a list of some expected.")
+    if len(several) < least:
+        raise InputError(["no record is given. Name a file."])
     with TemporaryDirectory() as folder:
         yield [
             arrays(each, Path(folder, f"record_{k}.csv")) if isinstance(each, Mapping) else shipped(each)
@@ -546,10 +552,13 @@ def arrays(columns: Mapping[str, Any], file: Path) -> Path:
 
     if missing := {"time", "voltage", "current"} - {*columns}:
         raise ValueError(f"a record needs arrays for time, voltage and current; {', '.join(sorted(missing))} missing.")
-    values = {name: np.asarray(column, float) for name, column in columns.items()}
-    if len({column.shape for column in values.values()}) > 1:
+    try:
+        values = {name: np.asarray(column, float) for name, column in columns.items()}
+    except (TypeError, ValueError) as error:
+        raise InputError([f"a record needs arrays of numbers: {error}."]) from None
+    if {column.ndim for column in values.values()} != {1} or len({column.shape for column in values.values()}) > 1:
         shapes = ", ".join(f"{name} {column.shape}" for name, column in values.items())
-        raise ValueError(f"shapes {shapes} found, equal ones expected. Correct them.")
+        raise ValueError(f"shapes {shapes} found, (samples,) for each and equal ones expected. Correct them.")
     write_atomically(file, lambda out: write_columns(out, values, UNITS))
     return file
 
