@@ -101,6 +101,7 @@ def test_policy_lets_only_the_scripts_of_the_page_run_and_nothing_be_fetched(pag
     assert not [a for tag, a in page.elements if {"src", "srcset"} & {*a} or a.get("href", "#")[0] != "#"]
 
 
+@pytest.mark.slow
 def test_same_results_give_the_same_bytes_without_the_packages_of_other_extras(tmp_path, monkeypatch):
     """In another process, which has made another page, and in which sets have another order."""
     monkeypatch.chdir(tmp_path)  # commands that repeat a run are those of the working folder
@@ -238,6 +239,10 @@ def test_command_writes_beside_the_result_or_where_it_is_told(tmp_path):
     assert done.exit_code == 0 and (tmp_path / "a" / "b.html").is_file(), done.output
     done = runner.invoke(app, ["report", str(tmp_path / "none.csv")])
     assert done.exit_code == 2 and "gapsense run" in " ".join(done.output.split())
+    before = file.read_bytes()
+    done = runner.invoke(app, ["report", str(file), "--out", str(file)])
+    assert done.exit_code == 2 and "ends in `.html`" in " ".join(done.output.split())
+    assert file.read_bytes() == before
 
 
 @pytest.mark.parametrize("is_there", [True, False])
