@@ -235,7 +235,8 @@ class Coil(NamedTuple):
     calm: Scalar  # samples in a row in which the current has hardly changed
     resistance: Scalar  # in use [ohm]
     measured: Scalar  # that of the last cycle
-    trend: Scalar  # change per cycle
+    found: Scalar  # the same, by that cycle alone
+    step: Scalar  # change of that since the cycle before
     held_voltage: Scalar  # means of late
     held_current: Scalar
     late_current: Scalar  # the same over a longer time
