@@ -22,7 +22,7 @@ SMALL = {  # options of each that make it small
     "campaign.py": ("--only-rows", "--rows", "3000"),
     "native.py": ("Semera",),
     "coupling.py": ("--small",),
-    "whole.py": ("--seeds", "0", "--repeats", "1"),
+    "whole.py": ("--seeds", "0", "--repeats", "1", "--runs", "1"),
     "run_to_run.py": ("--times", "1"),
     "mcu.py": ("--only", "drive_voltage"),
     "house.py": (),

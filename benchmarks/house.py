@@ -106,7 +106,7 @@ def trace_mhe() -> None:
     from gapsense.estimators.mhe import mhe
     from gapsense.kernels.kernel import Kernel
 
-    Kernel(mhe).traced()
+    Kernel(mhe).trace()
 
 
 def campaign(folder: Path) -> None:

@@ -1,6 +1,6 @@
 """What whole runs and sweeps take: commands from start to end, and where the time of one run goes.
 
-python benchmarks/whole.py [--seeds 200] [--repeats 3]    after `python build_fmus.py`, also with `--native`
+python benchmarks/whole.py [--seeds 200] [--repeats 3] [--runs 30]    after `python build_fmus.py`, also with `--native`
 
 Aims that are missed are told. The scenario is semera_valve, sweeps have two processes.
 """
@@ -34,7 +34,6 @@ FMUS = {"Python": ROOT / "build" / "fmus", "native": ROOT / "build" / "native"}
 PATH = str(Path(gapsense.__file__).resolve().parents[1])
 # as users have it: Python keeps what it has compiled
 USUAL = {**{k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}, "PYTHONPATH": PATH}
-RUNS = 30  # of which the median is shown
 PARTS = ("initialize", "loop")  # methods of `Master`
 AIMS = {"native": 3.5, "Python": 20.0}  # s, of a sweep of 200 seeds
 
@@ -44,16 +43,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=200, help="runs of the long sweep; 0: none")
     parser.add_argument("--repeats", type=int, default=3, help="measurements of each command, of which the best counts")
+    parser.add_argument("--runs", type=int, default=30, help="runs in one process, of which the median is shown")
     options = parser.parse_args()
-    print_whole(options.seeds, options.repeats)
+    print_whole(options.seeds, options.repeats, options.runs)
     return 0
 
 
-def print_whole(seeds: int, repeats: int) -> None:
+def print_whole(seeds: int, repeats: int, runs: int) -> None:
     """Both tables, with the kinds of FMUs that are built."""
     kinds = {kind: folder for kind, folder in FMUS.items() if any(folder.glob("*.fmu"))}
     CONSOLE.print(command_table(kinds, seeds, repeats))
-    CONSOLE.print(parts_table(kinds))
+    CONSOLE.print(parts_table(kinds, runs))
 
 
 def command_table(kinds: dict[str, Path], seeds: int, repeats: int) -> Table:
@@ -90,17 +90,17 @@ def seconds(words: Sequence[str]) -> float:
         return perf_counter() - begin
 
 
-def parts_table(kinds: dict[str, Path]) -> Table:
+def parts_table(kinds: dict[str, Path], runs: int) -> Table:
     """Where the time of one run goes, in one process."""
-    table = Table(title=f"Milliseconds of a run: median of {RUNS}, after the first")
+    table = Table(title=f"Milliseconds of a run: median of {runs}, after the first")
     for column in ("FMUs", "read", "load", *PARTS, "rest", "run"):
         table.add_column(column, justify="left" if column == "FMUs" else "right")
     for kind, folder in kinds.items():
-        table.add_row(kind, *(f"{1e3 * s:.2f}" for s in parts(folder)))
+        table.add_row(kind, *(f"{1e3 * s:.2f}" for s in parts(folder, runs)))
     return table
 
 
-def parts(fmus: Path) -> tuple[float, ...]:
+def parts(fmus: Path, runs: int) -> tuple[float, ...]:
     """Time to read and load a scenario, of the parts of a run, of what is left, and of the whole run."""
     begin = perf_counter()
     read = prepare(SCENARIO, None, fmus)
@@ -108,7 +108,7 @@ def parts(fmus: Path) -> tuple[float, ...]:
     with Master(*read) as master:
         loaded = perf_counter()
         run_once(master)
-        found = [one_run(master) for _ in range(RUNS)]
+        found = [one_run(master) for _ in range(runs)]
     of_runs = [median(column) for column in zip(*found)]
     return middle - begin, loaded - middle, *of_runs
 

@@ -131,10 +131,15 @@ def warned(outcome: Outcome) -> list[float]:
     return [float(np.mean(bits >> k & 1)) for k in range(len(WARNINGS))]
 
 
+def was_soft(states: Floats) -> npt.NDArray[np.bool_]:
+    """Which operations were to be soft."""
+    return np.isin(states, (TRACKING, SHORT))
+
+
 def noticed(outcome: Outcome) -> Noticed:
     """Of all operations since the laws had learnt."""
     speeds, states, said = (x.reshape(-1, x.shape[-1]) for x in (outcome.speeds, outcome.states, outcome.said))
-    is_soft, was_warned = np.isin(states, (TRACKING, SHORT)), said.astype(int) & LANDED > 0
+    is_soft, was_warned = was_soft(states), said.astype(int) & LANDED > 0
     is_told = (said.astype(int) & ~STANDING > 0) | ~is_soft
     since, end = 2 * LEARNT, len(speeds) - 2
     now, next_one, same = slice(since, end), slice(since + 1, end + 1), slice(since + 2, end + 2)
@@ -155,7 +160,7 @@ def noticed(outcome: Outcome) -> Noticed:
 
 def soft_speeds(outcome: Outcome) -> list[Floats]:
     """Of the closings and of the openings that were to be soft, from cycle `FOLLOWED` on."""
-    speeds, is_soft = outcome.speeds[FOLLOWED:], np.isin(outcome.states[FOLLOWED:], (TRACKING, SHORT))
+    speeds, is_soft = outcome.speeds[FOLLOWED:], was_soft(outcome.states[FOLLOWED:])
     return [speeds[:, k][is_soft[:, k]] for k in range(len(OPERATIONS))]
 
 

@@ -28,8 +28,8 @@ class ScenarioError(InputError):
 class FmuError(RuntimeError):
     """A component failed while it was loaded or run.
 
-    `time` [s] is that at the start of the failed step (None before the first), which would have ended at base step
-    `step`; `cause` is one line, `log` all that the component said; `result` has what was recorded before.
+    `time` [s] is the start of the failed step (None before the first), which would have ended at base step `step`.
+    `cause` is one line, `log` all that the component said; `result` has what was recorded before.
     """
 
     def __init__(

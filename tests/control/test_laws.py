@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gapsense.control import laws
 from gapsense.control.mover import NUMBERS
-from gapsense.control.records import LAW
+from gapsense.control.records import CLOSING, LAW, OPENING
 from gapsense.kernels.layout import zeros
 
 PAR = parameters()
@@ -42,7 +42,7 @@ def test_both_kinds_are_read_as_they_were_written(numbers):
 def test_landings_in_time_make_approaches_as_slow_as_allowed():
     law, speeds = FIRST, []
     for _ in range(8):
-        law = laws.choose_approach(law, 1.0, False, LEAST, PAR)
+        law = laws.choose_approach(law, CLOSING, 1.0, False, LEAST, PAR)
         speeds.append(law.speed)
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[0] == laws.SHRINK * PAR.approach_first and speeds[-1] == PAR.approach_least
@@ -61,10 +61,10 @@ def test_first_approaches_are_slower_once_a_contact_has_handed_over(law, by_mode
 def test_approaches_stay_as_fast_as_noise_makes_landings(least, slowest):
     law = FIRST
     for _ in range(8):
-        law = laws.choose_approach(law, 1.0, False, least, PAR)
+        law = laws.choose_approach(law, CLOSING, 1.0, False, least, PAR)
     assert law.speed == law.floor == slowest
     for _ in range(300):  # and the noise goes
-        law = laws.choose_approach(law, 1.0, False, LEAST, PAR)
+        law = laws.choose_approach(law, CLOSING, 1.0, False, LEAST, PAR)
     assert law.speed == pytest.approx(LEAST, abs=1e-3)
 
 
@@ -72,17 +72,24 @@ def test_approaches_stay_as_fast_as_noise_makes_landings(least, slowest):
 @given(speed=SPEEDS, floor=SPEEDS)
 def test_late_landing_makes_the_next_approach_faster_and_leaves_a_floor(has_landed, speed, floor):
     law = FIRST._replace(speed=speed, floor=floor)
-    late = laws.choose_approach(law, has_landed, True, LEAST, PAR)
+    late = laws.choose_approach(law, CLOSING, has_landed, True, LEAST, PAR)
     assert late.speed == pytest.approx(min(speed / laws.SHRINK, PAR.approach_first))
     assert late.floor == pytest.approx(min(max(floor, laws.RAISE * speed), laws.HIGHEST_FLOOR))
-    again = laws.choose_approach(late, 1.0, False, LEAST, PAR)
+    again = laws.choose_approach(late, CLOSING, 1.0, False, LEAST, PAR)
     assert PAR.approach_least <= again.floor <= late.floor and again.speed >= again.floor
+
+
+@pytest.mark.parametrize(("half", "keeps"), [(CLOSING, True), (OPENING, False)])
+def test_an_estimator_that_takes_a_floating_closing_for_landed_does_not_slow_the_next_one(half, keeps):
+    law = FIRST._replace(floated=1.0)
+    new = laws.choose_approach(law, half, 1.0, False, LEAST, PAR)
+    assert new.missed == 0.0 and (new.speed == law.speed) == keeps
 
 
 def test_floor_fades():
     law = FIRST._replace(floor=laws.HIGHEST_FLOOR, speed=0.1)
     for _ in range(300):
-        law = laws.choose_approach(law, 1.0, False, LEAST, PAR)
+        law = laws.choose_approach(law, CLOSING, 1.0, False, LEAST, PAR)
     assert law.floor == pytest.approx(PAR.approach_least, abs=1e-3)
 
 
@@ -91,7 +98,7 @@ def test_misses_are_counted_in_a_row():
     counts, law = [], FIRST
     for has_landed in (0.0, 0.0, 1.0, 0.0):
         law = law._replace(missed=law.missed + laws.UNJUDGED)
-        law = laws.choose_approach(law, has_landed, has_landed < 1.0, LEAST, PAR)
+        law = laws.choose_approach(law, CLOSING, has_landed, has_landed < 1.0, LEAST, PAR)
         counts.append(law.missed)
     assert counts == pytest.approx([1.0, 2.0, 0.0, 1.0])
 

@@ -24,7 +24,7 @@ from gapsense.identification.coil.fit import (
 )
 from gapsense.identification.coil.show import remarks, tuning
 from gapsense.identification.identify import coil_of
-from gapsense.identification.least_squares import currents
+from gapsense.identification.least_squares import sample_outputs
 from gapsense.identification.measurements.reading import read_record
 from gapsense.identification.options import CONVENTIONS
 from gapsense.identification.valve.model import check_guess
@@ -180,7 +180,7 @@ def test_models_that_are_simulated_together_have_the_bits_that_they_have_alone()
     usual, high = problem.start, problem.limits[1]
     pars = [problem.parameters(usual + share * (high - usual), each) for share in (0.0, 0.1, 0.2)]
     voltages = each.voltages[:, :, None] + np.array([0.0, 0.1, 0.2])
-    for k, found in enumerate(currents(KERNEL, pars, voltages)):
+    for k, found in enumerate(sample_outputs(KERNEL, pars, voltages)):
         np.testing.assert_array_equal(found, simulate(pars[k], voltages[:, :, k])[:, 0])
 
 

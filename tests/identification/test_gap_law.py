@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gapsense.identification.gap_law.laws import best_law, candidates, jackknife, reluctance, rows, total
+from gapsense.actuators import magnetics
+from gapsense.identification.gap_law.laws import best_law, candidates, fringing_of, jackknife, reluctance, rows, total
 from gapsense.identification.gap_law.table import columns_given, missing_part, read_inductances, remarks
 from gapsense.problems import InputError
 
@@ -67,6 +68,12 @@ def test_noisy_inductances_give_a_slope_within_its_error(truth, seed):
     assert np.mean(np.abs(error) < allowed) > 0.8, (found.law.name, error)
     assert np.sqrt(np.mean(error**2)) < 0.12
     assert total(found.law, GAPS) == pytest.approx(CORE + truth(GAPS), rel=0.01)
+
+
+def test_fringes_are_those_of_the_actuators():
+    h, numbers = np.array([-1e-4, 0.0, 1e-5, 1e-3, 9.9e-3, 10e-3, 11e-3]), (4.5e10, 240.0, 10e-3)
+    made = [magnetics.fringing(gap, *numbers)[:2] for gap in h.tolist()]
+    np.testing.assert_allclose(np.transpose(fringing_of(h, *numbers)), made, rtol=1e-14)
 
 
 def test_table_of_a_law_begins_without_reluctance_and_goes_beyond_the_stop():

@@ -18,6 +18,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,7 +66,11 @@ def blocks(page: Path) -> list[Block]:
 
 def read(page: Path) -> None:
     """Do what a page says, from top to bottom, in the working folder."""
-    every = blocks(page)
+    do(blocks(page))
+
+
+def do(every: Sequence[Block]) -> None:
+    """Do what some blocks say, one after the other."""
     for block in every:
         if block.note == "file":
             write(block, every)
@@ -76,7 +81,7 @@ def read(page: Path) -> None:
                 getattr(reader, block.kind)(block)
 
 
-def write(block: Block, every: list[Block]) -> None:
+def write(block: Block, every: Sequence[Block]) -> None:
     """The file of a block, which another block of the page must use, unless it is a whole one that is checked."""
     file = Path(block.about)
     used = any(file.name in other.text for other in every if other is not block)

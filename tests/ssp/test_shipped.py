@@ -29,15 +29,15 @@ def short(file: Path, variant: str | None) -> Document:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.parent.name)
-def test_every_variant_comes_back_with_the_same_bits(file, fmus, tmp_path):
+def test_every_variant_comes_back_with_the_same_bits(file, quickest, tmp_path):
     variants = [None, *read_document(file, []).data.get("variants", {})]
     for k, variant in enumerate(variants):
         if any(component.board for component in load(file, variant).components.values()):
             continue  # packages know no boards: tests/mcu/test_loop.py
         document = short(file, variant)
-        export(document, tmp_path / f"{k}.ssp", None, fmus)
+        export(document, tmp_path / f"{k}.ssp", None, quickest)
         bring(tmp_path / f"{k}.ssp", tmp_path / str(k))
-        result, again = run(document, None, fmus), run(tmp_path / str(k))
+        result, again = run(document, None, quickest), run(tmp_path / str(k))
         assert result.signals.keys() == again.signals.keys()
         assert [name for name in result.signals if not np.array_equal(result[name], again[name], equal_nan=True)] == []
         assert result.run.order == again.run.order and result.run.seeds == again.run.seeds

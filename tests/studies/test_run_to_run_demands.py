@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gapsense.control.run_to_run import OPEN, SHORT, TRACKING
+from gapsense.control.run_to_run import OPEN
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.scenarios.run_to_run.chain import Chain, Running
@@ -15,7 +15,7 @@ from gapsense.scenarios.run_to_run.comparison import SEED, TUNED_ON
 from gapsense.scenarios.run_to_run.conditions import CONDITIONS, LEARNING, samples
 from gapsense.scenarios.run_to_run.cycles import NEVER, NUMBERS, Outcome, outcome
 from gapsense.scenarios.run_to_run.loops import loop_of
-from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, LEARNT, noticed, quantile, verdicts
+from gapsense.scenarios.run_to_run.measures import DEMANDS, LAST, LEARNT, noticed, quantile, verdicts, was_soft
 
 HELD_OUT = 6
 OTHERS = 7  # seed of conditions that were looked at on 6 too
@@ -81,7 +81,7 @@ def test_hard_operations_are_told_in_the_next_one_and_soft_ones_are_not(conditio
 def test_what_a_contact_hands_over_to_an_estimator_begins_softly():
     """995 of 1,000 soft operations are below 0.3 m/s; before approaches began slowly 970."""
     row = found("untold-noise", "both", FEWER)
-    is_soft = np.isin(row.states, (TRACKING, SHORT))[LEARNT:]
+    is_soft = was_soft(row.states)[LEARNT:]
     assert np.mean(row.speeds[LEARNT:][is_soft] < 0.3) > 0.995
 
 
@@ -89,7 +89,7 @@ def test_what_a_contact_hands_over_to_an_estimator_begins_softly():
 def test_movers_that_float_beside_another_core_do_not_land_hard_again_and_again():
     """Soft operations are at most at 0.3 m/s from cycle 10 on, and hardly any is ordinary: before it was .4 and 1 %."""
     row = found("play", "model", MOST // 2)
-    is_soft = np.isin(row.states, (TRACKING, SHORT))[LAST:]
+    is_soft = was_soft(row.states)[LAST:]
     assert np.max(row.speeds[LAST:][is_soft]) < 0.3 and np.mean(~is_soft) < 5e-3
 
 
@@ -130,7 +130,7 @@ def test_a_warm_coil_with_a_noisy_current_is_no_cause_of_hard_operations():
 def test_ordinary_operations_arrive_where_the_voltage_is_used_up(law):
     """They are what the loop falls back to; what does not arrive is a soft closing, and not one after the other."""
     seen = found("no-reserve", law, FEWER)
-    is_soft = np.isin(seen.states, (TRACKING, SHORT))
+    is_soft = was_soft(seen.states)
     assert np.mean(seen.speeds[LEARNT:] == NEVER) < 2e-3 and noticed(seen).twice <= 2
     assert not np.any((seen.speeds == NEVER) & ~is_soft)
 
@@ -148,7 +148,7 @@ def test_an_actuator_that_ordinary_closings_leave_open_gets_more_voltage_or_is_t
     assert np.all(is_told[:, never]) and np.all(seen.states[LEARNT:, 0, never] == OPEN)
     assert not never.any() if condition == "normal-10" else never.any()
     assert not np.any(is_told & ~was_told & has_closed)
-    is_ordinary = ~np.isin(seen.states[LEARNT:, 0], (TRACKING, SHORT))
+    is_ordinary = ~was_soft(seen.states[LEARNT:, 0])
     assert np.all(has_closed[is_ordinary]) or condition == "weak-24"
 
 

@@ -6,7 +6,7 @@ from queue import Queue
 
 import pytest
 
-from gapsense._os.workers import awaited
+from gapsense._os.workers import wait_for_answers
 
 
 def never():
@@ -17,13 +17,13 @@ def test_answers_that_wait_are_taken_together_and_a_failure_after_them():
     answers = Queue()
     for answer in ({"index": 3}, {"index": 1}, ValueError("torn"), {"index": 2}):
         answers.put(answer)
-    assert awaited(answers, never, never) == [{"index": 3}, {"index": 1}]
-    assert awaited(answers, never, never) == [{"index": 2}]
+    assert wait_for_answers(answers, never, never) == [{"index": 3}, {"index": 1}]
+    assert wait_for_answers(answers, never, never) == [{"index": 2}]
     with pytest.raises(ValueError, match="torn"):
-        awaited(answers, never, never)
+        wait_for_answers(answers, never, never)
 
 
 def test_nothing_is_taken_after_a_ctrl_c():
     answers = Queue()
     answers.put({"index": 0})
-    assert awaited(answers, never, lambda: 1) == []
+    assert wait_for_answers(answers, never, lambda: 1) == []

@@ -78,7 +78,7 @@ def work(executor: Executor, numbers: Iterable[int], count: int, keep: Callable[
             if count:
                 executor.start(pending, answers)
             while count > 0:
-                came = awaited(answers, executor.look, interrupts)
+                came = wait_for_answers(answers, executor.look, interrupts)
                 if not came:
                     return True
                 keep(came)
@@ -89,7 +89,7 @@ def work(executor: Executor, numbers: Iterable[int], count: int, keep: Callable[
     return False
 
 
-def awaited(answers: Answers, look: Callable[[], None], interrupts: Callable[[], int]) -> list[Entry]:
+def wait_for_answers(answers: Answers, look: Callable[[], None], interrupts: Callable[[], int]) -> list[Entry]:
     """The answers that have come, at least one, or none after a Ctrl-C; raises what a worker could not answer."""
     while not interrupts():
         try:

@@ -3,8 +3,8 @@
 Flux linkage, position and velocity are integrated in micro-steps; the current is an algebraic output.  Contact and
 release are located inside the micro-step.  The voltage is held during the communication step.  `micro_step` must
 resolve the motion (12.5 us are ample for a mover that travels for a millisecond); where the flux is faster, steps are
-shortened by themselves.  Table lookups have kinks and limit the accuracy to about 1e-7 of the flux linkage, and their
-two columns agree only as well as the table is fine: the energy balance of a table closes no better than that.
+shortened by themselves.  Table lookups have kinks and limit the accuracy to about 1e-7 of the flux linkage. Their two
+columns agree only as well as the table is fine, so the energy balance of a table closes no better than that.
 """
 
 from __future__ import annotations

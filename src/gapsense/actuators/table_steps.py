@@ -3,8 +3,8 @@
 Inside a micro-step everything is smooth. It ends where
 
 - the mover meets a stop, leaves an elastic one, or turns round;
-- dry friction brings the mover to rest, or no longer holds it. The friction of a moving mover is all against the
-  motion; at rest it balances the other forces, so the mover never creeps;
+- dry friction brings the mover to rest, or no longer holds it: it acts against the motion, and at rest it balances the
+  other forces, so the mover never creeps;
 - the flux turns round, or the walls of a hysteretic core start to move, as in `reluctance_steps`.
 
 A hard stop turns the speed round at once, with a coefficient of restitution. An elastic one has the force

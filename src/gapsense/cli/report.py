@@ -81,7 +81,7 @@ def page(
     from gapsense._os.native import NativeError
     from gapsense.page.page import write_page
 
-    source = cosim.changed(scenario, settings or ())
+    source = cosim.lay_values(scenario, settings or ())
     to = to or free(Path(cosim.result_file(Path(), scenario, variant, settings or ()).with_suffix(".html").name))
     refuse_unwritable(to)
     try:

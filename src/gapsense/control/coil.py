@@ -292,8 +292,8 @@ def steadied_error(coil: Coil, par: Parameters) -> Scalar:
 def steady_flux(coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
     """Draw the flux linkage to that of an estimator, which does not sum up the noise of the current.
 
-    If that is noisy, faster, but by no more than noise explains since the operation began, a time ago, when
-    `before` had been added: an estimator that takes a mover for landed would pull the flux linkage away.
+    If that is noisy, draw faster, but by no more than noise explains since the operation began (`before` had been added
+    then). Otherwise an estimator that wrongly reports a landing would pull the flux linkage away.
     """
     off = inputs.estimated_flux_linkage - coil.flux
     noise = coil.resistance * coil.noise

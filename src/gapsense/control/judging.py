@@ -265,15 +265,12 @@ def _judge_landing(state: State, half: Scalar, has_landed: Scalar, landing: Scal
     is_weak = (has_landed < 1.0) & (state.by_model < 1.0)
     kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
-    is_chosen = (law.floated > 0.0) & (half > 0.5)  # the next approach is, since it ended
-    chosen = law.speed, law.floor
-    law = cond(
-        is_plain, lambda: plain, lambda: laws.choose_approach(law, has_landed, is_late, _slowest(state, par), par)
-    )
-    speed, floor = (where(is_chosen, old, new) for old, new in zip(chosen, (law.speed, law.floor)))
-    law = law._replace(speed=speed, floor=floor)
+
+    def soft() -> Law:
+        return laws.choose_approach(law, half, has_landed, is_late, _slowest(state, par), par)
+
     return state._replace(
-        laws=laws.write(state.laws, half, law),
-        fell=where(is_late | is_chosen, 1.0, 0.0),
+        laws=laws.write(state.laws, half, cond(is_plain, lambda: plain, soft)),
+        fell=where(is_late | laws.has_raised(law, half), 1.0, 0.0),
         is_strong=where(half > 0.0, where(is_plain & is_weak, 1.0, kept), state.is_strong),
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from gapsense.control.records import LAW, Law, LawKind, Parameters
 from gapsense.kernels.layout import Array, Scalar, blank, flat, record
 from gapsense.kernels.linalg import diagonal, vector
-from gapsense.kernels.trace import clip, load, store, where
+from gapsense.kernels.trace import clip, load, not_, store, where
 
 BEFORE = (0.2, 0.15, 0.2, 0.15)  # standard deviations of a, b, q, r before anything is learnt
 DOUBTED = (0.2, 0.15, 0.2, 0.6)  # the same after a sudden change
@@ -79,13 +79,22 @@ def raise_approach(law: Law, par: Parameters) -> tuple[Scalar, Scalar]:
     return where(faster < par.approach_first, faster, par.approach_first), higher
 
 
-def choose_approach(law: Law, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters) -> Law:
+def has_raised(law: Law, half: Scalar) -> Scalar:
+    """Whether the next approach was raised when the last operation ended: a closing that floated."""
+    return (law.floated > 0.0) & (half > 0.5)
+
+
+def choose_approach(
+    law: Law, half: Scalar, has_landed: Scalar, fell_short: Scalar, least: Scalar, par: Parameters
+) -> Law:
     """Choose the next approach after a soft operation; `least` is the speed of the slowest ones."""
-    slower, short = SHRINK * law.speed, raise_approach(law, par)
+    faster, higher = raise_approach(law, par)
+    slower = SHRINK * law.speed
     least = where(least < HIGHEST_FLOOR, least, HIGHEST_FLOOR)
-    floor = where(fell_short, short[1], least + KEEP * where(law.floor > least, law.floor - least, 0.0))
-    speed = where(fell_short, short[0], where(slower > floor, slower, floor))
-    is_told = law.was_followed > 0.0  # else it was the voltage that fell short, not the approach
+    floor = where(fell_short, higher, least + KEEP * where(law.floor > least, law.floor - least, 0.0))
+    speed = where(fell_short, faster, where(slower > floor, slower, floor))
+    # without following the plan it was the voltage that fell short, not the approach
+    is_told = (law.was_followed > 0.0) & not_(has_raised(law, half))
     return law._replace(
         speed=where(is_told, speed, law.speed),
         floor=where(is_told, floor, law.floor),

@@ -25,8 +25,8 @@ from gapsense.kernels.trace import clip, cond, fabs, load, not_, square, where, 
 TREND, OF_HALF, KEEP, CLEAR = 0.1, 0.07, 0.95, 3.0
 AT_ONCE = 2  # samples of a pass that are taken in a step
 BALANCE, PART = 0.03, 0.6  # errors of ln(lambda^2) at the take-off: the model's, and of the change in its sample
-# share by which the slopes of a soft landing follow, after the first cycles, whose approaches differ: those of a cycle
-# depend on its noise, as its landing does, and their product would move what no landing tells
+# share by which slopes follow those of a soft landing, after the first cycles: slopes and landing share the noise of
+# their cycle, and their product would move what no landing tells
 EAGER, YOUNG, STEADY = 0.5, 10.0, 0.05
 PLACE, NOISIER = 80e-6, 1.5  # error of the position at the landing [m]; times that with a noisy current
 INSTANT = 0.5  # error of the time of the landing, in samples

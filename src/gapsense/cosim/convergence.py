@@ -1,6 +1,7 @@
-"""How far a run is off at its base step: it runs again with the step halved until its signals stop changing.
+"""The error that a base step causes: the run is repeated with the step halved until its signals stop changing.
 
-Only the exchange of values becomes finer. What is sampled keeps its instants: it is no approximation of anything.
+Only the exchange of values becomes finer. Sampled components keep their instants, because they do not approximate
+anything.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ SETTLED = 0.1  # in the tolerance: a smaller change is none
 NOISE, DISCRETE, QUANTISED, RESTLESS = "noise", "discrete", "quantised", "its changes show no order"
 ROUNDING = 1e-9  # of the range: changes below it tell nothing
 RATIOS = 2  # of changes that have to give the same order
-ORDERS, APART = (0.5, 8.0), 0.25  # orders that are believed, and by how much two in a row may differ
+ORDERS, APART = (0.5, 8.0), 0.25  # orders that are credible, and by how much two in a row may differ
 FINEST_QUANTUM = 2.0**-24  # in the range of a signal; converters are no finer
 EDGE_ROWS = 1  # by which an edge may come earlier or later
 EXPORTED = (".csv", ".json")
@@ -42,7 +43,7 @@ EXPORTED = (".csv", ".json")
 
 @dataclass(frozen=True)
 class Tendency:
-    """What a recorded signal does as the base step is halved; errors and changes are in its unit.
+    """How a recorded signal changes as the base step is halved; errors and changes are in its unit.
 
     They are the greatest of all rows, but for rows next to an edge that has moved by no more than a row.
     """

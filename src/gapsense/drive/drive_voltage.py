@@ -3,7 +3,7 @@
 `voltage` is the value at the end of the step; on an edge it is the value just before it. `voltage_mean` is the exact
 mean over the step. An actuator driven by the mean gets the volt-seconds of an edge inside the step.
 
-An edge counts as on a communication point if it is closer to it than 1e-9 of the step plus 1e-11 of the time: hosts
+An edge counts as on a communication point if it is closer to it than 1e-9 of the step plus 1e-11 of the time. Hosts
 that add up their steps know their time only to accumulated rounding. The step before ends on the edge and the step
 after starts on it, so its volt-seconds are neither lost nor counted twice.
 """

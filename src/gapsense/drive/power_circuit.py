@@ -4,10 +4,10 @@ The coil is a local model: a conductance G of its eddy currents beside an induct
 
     i = m + G v,   dm/dt = a v + F,   v = u - R i.
 
-A leg ties one end of the coil to the link, to the boost capacitor or to ground, by a switch, or by what conducts while
-its switches are off, which depends on the sign of the current.  So the path is one voltage and one resistance for each
-sign, and if neither conducts, the current is zero and the coil has the voltage of its own.  A micro-step ends where the
-path or a comparator changes, and at every edge, timer and dead time.
+A leg ties one end of the coil to the link, to the boost capacitor or to ground. A switch does so, or what conducts
+while its switches are off, which depends on the sign of the current.  So the path is one voltage and one resistance for
+each sign, and if neither conducts, the current is zero and the coil has the voltage of its own.  A micro-step ends
+where the path or a comparator changes, and at every edge, timer and dead time.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def make_design(
     values = fields(component, given or {}, folder)
     wanted = [port.field for port in component.of("output") if port.name in outputs or not outputs]
     constants = values if is_baked else {name: values[name] for name in sizing(kernel)}
-    initial, step, kept = prune_graphs(*kernel.traced(constants, with_places=True), wanted, Python)
+    initial, step, kept = prune_graphs(*kernel.trace(constants, with_places=True), wanted, Python)
     has_parameters = bool(kept["par"]) and not is_baked
     prepare, step = split(step, Python, HARMLESS_IN_C) if has_parameters else (None, step)
     return Design(

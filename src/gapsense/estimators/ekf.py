@@ -170,9 +170,9 @@ def _read(inputs: Inputs, before: Held, far: Scalar, par: Parameters) -> tuple[H
 def _signs(new: Pass, state: State, now: Held, m: Model, par: Parameters) -> Seen:
     """Find signs of bad health in a sample: the current error at rest, a position held at a stop during a motion.
 
-    Two signs tell that the device is another one: the contact is far from where the mover is believed to be, or a stop
-    seems to pull at a mover that a spring presses on it or off it. Without a spring nothing is known of the force on
-    the stop.
+    Two signs tell that the device differs from its parameters. The contact is far from the estimated position, or a
+    stop seems to pull at a mover that a spring presses on it or off it. Without a spring nothing is known of the force
+    on the stop.
     """
     x, moves, moved = new.filtered.mean, is_moving(now.mode), is_moving(state.mode)
     stop = limit(now.mode)

@@ -1,9 +1,9 @@
 """Extended Rauch-Tung-Striebel smoother: the filter of `ekf`, and a smoothed trajectory after each landing.
 
-[RTS], Section III.  When the mover has landed the samples of its motion are smoothed, one of them with each new sample,
-from the landing back to the take-off; then they are published one by one with their own times.  The speed of the impact
-is known with the landing.  Operations that follow each other fast wait for their turn, and all are published; of a
-motion of more than `motion.memory` samples the last ones.  `motions` says what is a motion and whose turn it is.
+[RTS], Section III.  When the mover has landed, the samples of its motion are smoothed from the landing back to the
+take-off, one with each new sample. Then they are published one by one with their own times.  The speed of the impact is
+known with the landing.  Operations that follow each other fast wait for their turn, and all are published; of a motion
+of more than `motion.memory` samples only the last ones.  `motions` says what is a motion and whose turn it is.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Integral estimator: flux linkage by integration, resistance recalculated at the start of each operation.
 
 Algorithm 2 of [SEMERA], with the reset before the first energised sample is added: in the printed order that sample
-would fall into the old operation.  With `offline` the resistance of an operation is known when it has ended; its
-samples are then published while the next operation goes on, each with its own time: at most `LENGTH` of them, and not
-more than the next operation has.  For a lost reading the last good one stands in.
+would fall into the old operation.  With `offline` the resistance of an operation is known when it has ended. Its
+samples are then published during the next operation, each with its own time: at most `LENGTH` of them, and no more than
+the next operation has.  For a lost reading the last good one stands in.
 """
 
 from __future__ import annotations

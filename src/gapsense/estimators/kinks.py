@@ -241,10 +241,10 @@ def hidden_impact(
 def judge_landing(kink: Kink, at: Gaussian, stop: Scalar, told: Told, m: Model, par: ekf.Parameters) -> Verdict:
     """Judge a landing on `stop`; `at` is the estimate at the supposed impact, `told` what earlier landings have told.
 
-    Where the spring drives the mover the kink is too small, and the deviation of the position far larger than its
-    error: if the estimate was on the stop well before the contact, so was the mover.  How well depends on whether the
-    mover has bounced where the current tells it, at the other stop; if it has not, the landing is mostly only doubtful.
-    Without e_i or e_F the estimate has a bias.
+    Where the spring drives the mover the kink is too small, and the standard deviation of the position far larger than
+    its error. There, if the estimate was on the stop well before the contact, so was the mover.  How well depends on
+    whether the mover has bounced where the current tells it, at the other stop; if it has not, the landing is mostly
+    only doubtful. Without e_i or e_F the estimate has a bias.
     """
     dead, clear = _dead_stop(at, stop, m), SURE * SPREAD * par.noise_current
     is_kinked = (kink.size > 0.0) & (kink.size >= LEAST * dead)

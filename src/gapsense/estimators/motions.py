@@ -1,14 +1,14 @@
 """The queue of motions of a smoother: where their samples are kept, and which one is next.
 
 A motion begins where the contact signal says that the mover has left its stop. It ends where the signal says that it is
-on one. If the mover comes back to the stop that it left, that was no motion in two cases: it was a bounce if contact
-had been made within the time of debouncing, however long it took; it was a glitch if the mover was away for no longer
+on one. If the mover comes back to the stop that it left, that was no motion in two cases. It was a bounce if contact
+had been made within the time of debouncing, however long it took. It was a glitch if the mover was away for no longer
 than that time.
 
 Motions wait in the order of their landings, first to be smoothed, then to be published, at one sample per step each. At
 its landing the last sample of a motion is smoothed at once, before those that wait.
 
-No sample waits for more than `Room.ring` steps, however the motions follow each other: each motion takes at least as
+No sample waits for more than `Room.ring` steps, however the motions follow each other. Each motion takes at least as
 many steps as it needs, landings in between take one step of two, and publishing waits for at most `Room.length` more.
 """
 

@@ -169,8 +169,8 @@ def _gaussian(state: tuple[float, ...]) -> Gaussian:
 def motions(mode: ArrayLike, debounce: float = 0.0) -> list[tuple[int, int]]:
     """First sample and landing sample of every motion that starts and ends at rest.
 
-    None are a glitch of at most `debounce` samples, and a bounce that begins within as many after a landing, where they
-    end on the stop where they began.
+    Not counted are a glitch of at most `debounce` samples, and a bounce that begins within as many after a landing, if
+    they end on the stop where they began.
     """
     return [(first, end) for first, end, kind in _moving(mode, debounce) if kind == MOTION]
 
@@ -210,7 +210,7 @@ def _kernel() -> Kernel:
 
 @cache
 def _seek_kink() -> Callable[..., tuple[float, ...]]:
-    """`kinks.sought` as scalar Python on flat tuples."""
+    """`kinks.seek` as scalar Python on flat tuples."""
 
     def sought(
         kink: kinks.Kink, motion: Motion, current: Reading, before: ekf.State, now: ekf.State, par: Parameters

@@ -1,9 +1,9 @@
 """SEMERA with fewer operations, for processors without a floating-point unit: `gapsense export-c semera --lean`.
 
-The state has the inductances in multiples of the sampling period, l / Delta, so that H = (i, i, -i_prev) needs no
-division; one reciprocal stands for three divisions; of the covariance, which is updated in Joseph form as before, only
-one half is computed; what rounding makes negative is set right once per sample, in the prediction.  The same filter,
-but rounded otherwise.
+The same filter, but rounded differently. The state has the inductances in multiples of the sampling period, l / Delta,
+so that H = (i, i, -i_prev) needs no division, and one reciprocal replaces three divisions. Only one half of the
+covariance is computed, in Joseph form as before. What rounding makes negative is set right once per sample, in the
+prediction.
 """
 
 from __future__ import annotations

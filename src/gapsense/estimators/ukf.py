@@ -188,9 +188,10 @@ class Tuning(NamedTuple):
 # PAPER is what [UKF] IV-A prescribes: the errors that the discretised model makes along the simulated valve, rms over
 # the cycle, and hardly a current error, because the simulated one has none.  If such a filter is a few of its small
 # deviations short of the stop when the plunger lands, it reads the rise of the current as a reversal.  ROBUST has the
-# process noise that wrong parameters make, and a large innovation counts as 1.2 deviations: one that lasts, as a wrong
-# model's does, moves the estimate no faster than the force does, and an outlier does no harm.  It was chosen at 24, 30
-# and 36 V, so that no landing is lost with errors of 8 and 10 % either: with 24 uWb, or a limit of 1.5, some are.
+# process noise that wrong parameters make, and a large innovation counts as 1.2 deviations. So an innovation that
+# lasts, as with a wrong model, moves the estimate no faster than the force does, and an outlier does no harm.  It was
+# chosen at 24, 30 and 36 V, so that no landing is lost with errors of 8 and 10 % either: with 24 uWb, or a limit of
+# 1.5, some are.
 ROBUST = Tuning(flux_linkage=16e-6, position=60e-9, current_error=1e-6, memory=0.99, limit=1.2)
 PAPER = Tuning(flux_linkage=0.4e-6, position=0.3e-9, current_error=10e-6, memory=0.99, limit=1e9)
 

@@ -38,7 +38,7 @@ class Interval(Choice):
 
 
 class Tuned(Choice):
-    """Process noise: one of ours, or the parameters process_*."""
+    """Process noise: one of the two built-in tunings, or the parameters process_*."""
 
     robust, paper, own = range(3)
 

@@ -219,37 +219,19 @@ def compare_with_usual(before: Usual, now: Now, limits: Limits, alike: float, ev
     surprised = mean(before.surprise, square(clip(now.innovation, -FAR, FAR)), limits.samples)
     biased = mean(before.bias, clip(now.error, -MOST, MOST), 0.5 * limits.samples)
     surprised, biased = where(now.is_used, surprised, before.surprise), where(now.is_used, biased, before.bias)
+    has_more, side = before.learnt < HALF, where(before.left > 2.0, float(ENTRIES), 0.0)
+    seen, curves, spread = cond(
+        has_more, lambda: _learn_entry(before, ENTRIES - side), lambda: (before.seen, before.curves, before.spread)
+    )
     part, later = (floor((before.samples + k) * PER_MEAN / limits.samples) for k in (0.0, 1.0))
     ends = (later > part) | now.is_edge
-    half, first = before.has_edge * HALF, where(before.left > 2.0, float(ENTRIES), 0.0)
-    is_last = part >= PARTS - 1.0
-    high = half + where(is_last, PARTS - 1.0, part)
-    low = high + where(is_last, 1.0, 0.0)
-    has_more = before.learnt < HALF
-    seen, curves, spread = cond(
-        has_more, lambda: _learnt(before, ENTRIES - first), lambda: (before.seen, before.curves, before.spread)
-    )
-
     noise = 1.0 / larger(limits.samples - 1.0, 1.0)
     reading = Reading(before.supply, biased, noise, before.spread_before < alike * noise)
-
-    def ended() -> tuple[Array, Scalar, Scalar]:
-        above, rare = _far(curves, first, high, half, reading)
-        below = cond(is_last, lambda: _far(curves, first, low, half, reading)[0], lambda: above)
-        value, is_new = MOST + biased, not_(load(seen, high) > 0.0)
-        noted = seen
-        for k, sign in ((high, 1.0), (low, -1.0)):
-            old = load(noted, k)
-            is_more = not_(old > 0.0) | (is_last & (sign * value > sign * old))
-            noted = store(noted, k, where(is_more, value, old))
-            noted = store(noted, k, where(is_new, before.supply, load(noted, k, ENTRIES)), ENTRIES)
-        far = where(above > 0.0, above, where(below < 0.0, below, 0.0))
-        is_known = before.left > 0.0
-        summed = clip(before.evidence + rare - ALLOWED, 0.0, PROVEN)
-        is_summed = is_new & is_known & not_(is_last)
-        return (noted, where((is_new | is_last) & is_known, far, 0.0), where(is_summed, summed, before.evidence))
-
-    seen, far, evidence = cond(ends, ended, lambda: (seen, before.apart, before.evidence))
+    seen, far, evidence = cond(
+        ends,
+        lambda: _compare_part(before, part, side, seen, curves, reading),
+        lambda: (seen, before.apart, before.evidence),
+    )
     is_other = (ends & ((far * before.apart > 0.0) | (fabs(far) > 1.0))) | (evidence >= evident)
     is_learnt = (before.left > 0.0) & not_(before.innovation + before.other > 0.0) & not_(has_more)
     on, supply, moving, pulled = _find_supply(before, now, is_over)
@@ -296,6 +278,31 @@ class Bent(NamedTuple):
     variance: Any  # that of the errors beside both
 
 
+def _compare_part(
+    before: Usual, part: Scalar, side: Scalar, seen: Array, curves: Array, reading: Reading
+) -> tuple[Array, Scalar, Scalar]:
+    """Compare the mean of a part that ends with its curve, and note it.
+
+    Returns what was seen, with this mean; how far it is from its curve; and the evidence so far.
+    """
+    half, is_last = before.has_edge * HALF, part >= PARTS - 1.0
+    high = half + where(is_last, PARTS - 1.0, part)
+    low = high + where(is_last, 1.0, 0.0)
+    above, rare = _far(curves, side, high, half, reading)
+    below = cond(is_last, lambda: _far(curves, side, low, half, reading)[0], lambda: above)
+    value, is_new = MOST + reading.error, not_(load(seen, high) > 0.0)
+    for k, sign in ((high, 1.0), (low, -1.0)):
+        old = load(seen, k)
+        is_more = not_(old > 0.0) | (is_last & (sign * value > sign * old))
+        seen = store(seen, k, where(is_more, value, old))
+        seen = store(seen, k, where(is_new, before.supply, load(seen, k, ENTRIES)), ENTRIES)
+    far = where(above > 0.0, above, where(below < 0.0, below, 0.0))
+    is_known = before.left > 0.0
+    summed = clip(before.evidence + rare - ALLOWED, 0.0, PROVEN)
+    is_summed = is_new & is_known & not_(is_last)
+    return seen, where((is_new | is_last) & is_known, far, 0.0), where(is_summed, summed, before.evidence)
+
+
 def _find_supply(before: Usual, now: Now, is_over: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """Find the samples with a voltage, the supply, that which last pulled the mover, and the stop it left first."""
     is_on = now.is_edge & (fabs(now.voltage) > fabs(now.voltage_before))
@@ -328,19 +335,19 @@ def _fit_parabola(curve: Curve) -> Bent:
     return Bent(slope=slope, bend=bend, tilt=tilt, spread=spread, rest=rest, variance=variance)
 
 
-def _far(curves: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading) -> tuple[Scalar, Scalar]:
+def _far(curves: Array, side: Scalar, entry: Scalar, half: Scalar, at: Reading) -> tuple[Scalar, Scalar]:
     """How far an error is from the curve of its entry, with its sign, and -log of about the probability of that.
 
-    It is 0 if that is not far, or there is no curve yet.  It is far if it is t deviations of the prediction from n
-    operations off, t^2 = m (exp(2 k RARE / m) - 1) with m = n - 3, which is about as rare for any n in Student's
+    It is 0 if that is not far, or there is no curve yet.  It is far if it is off by t deviations of the prediction from
+    n operations, t^2 = m (exp(2 k RARE / m) - 1) with m = n - 3. That is about as rare for any n in Student's
     distribution; 1 with k = 2, 2 with k = 3.  The variance is the largest of an entry and of those beside it: with
     another supply the mover comes sooner or later, which is no parabola.
     """
-    own = _curve(curves, first + entry)
+    own = _curve(curves, side + entry)
     bent = _fit_parabola(own)
     variance = bent.variance
-    for side in (-1.0, 1.0):
-        beside = _curve(curves, first + clip(entry + side, half, half + PARTS))
+    for step in (-1.0, 1.0):
+        beside = _curve(curves, side + clip(entry + step, half, half + PARTS))
         variance = larger(variance, _fit_parabola(beside).variance)
     n, away = larger(own.n, FEW), at.supply - own.supply
     is_noise = at.is_alike & (own.n >= KNOWN) & (variance > ALONE[0] * at.noise) & (variance < ALONE[1] * at.noise)
@@ -355,10 +362,11 @@ def _far(curves: Array, first: Scalar, entry: Scalar, half: Scalar, at: Reading)
     return where(off > 0.0, size, -size), where(is_noise, 1.0, MISFIT) * rare
 
 
-def _learnt(before: Usual, side: Scalar) -> tuple[Array, Array, Scalar]:
-    """The curves with an entry more of either half of the last operation, which is then forgotten.
+def _learn_entry(before: Usual, side: Scalar) -> tuple[Array, Array, Scalar]:
+    """Learn one more entry of either half of the last operation, and forget what was seen there.
 
-    One in each sample, as all at once take long on a microcontroller; this operation comes to each of them later.
+    One in each sample, because all at once would take long on a microcontroller. This operation reaches each entry
+    later. Returns what is left to learn, the curves, and the largest variance about them.
     """
     seen, curves, spread = before.seen, before.curves, before.spread
     for half in (0.0, float(HALF)):

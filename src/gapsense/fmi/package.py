@@ -119,13 +119,13 @@ def prepare_component(folder: Path, given: Mapping[str, Any]) -> Prepared:
 def with_start_values(component: Component, given: Mapping[str, Any]) -> tuple[Component, dict[str, Path]]:
     """Component with these start values of its parameters, and the table files for its resources."""
     files = {Path(given[p.name]).name: Path(given[p.name]) for p in component.ports if p.columns and p.name in given}
-    ports = tuple(_started(port, given[port.name]) if port.name in given else port for port in component.ports)
+    ports = tuple(_start_with(port, given[port.name]) if port.name in given else port for port in component.ports)
     resources = tuple(dict.fromkeys((*component.resources, *files)))
     step_size = float(given.get("sample_time", component.step_size))  # of the default experiment
     return component._replace(ports=ports, resources=resources, step_size=step_size), files
 
 
-def _started(port: Port, value: Any) -> Port:
+def _start_with(port: Port, value: Any) -> Port:
     if port.kind == "Real":
         return port._replace(start=float(value), nominal=abs(float(value)) or 1.0)
     return port._replace(start=Path(value).name if port.columns else value)

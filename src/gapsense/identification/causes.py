@@ -1,4 +1,4 @@
-"""What a record may not tell of its device: each changes voltage or current of the samples by a value of its own."""
+"""Causes that make a record wrong about its device: each changes the recorded voltage or current by one value."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ANYWHERE = 0.5  # standard deviation of the place of an edge, in samples, before
 
 
 class Signals(NamedTuple):
-    """Of a record, or of what a fit takes of it."""
+    """Voltage and current of a record, or of the part that is fitted."""
 
     halves: Matrix  # voltage during the two halves of the interval before each sample (n, 2) [V]
     current: Vector  # [A]
@@ -36,7 +36,7 @@ class Signals(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """One of them."""
+    """One cause."""
 
     unit: str
     scale: Callable[[Signals], float]  # what is large
@@ -68,15 +68,15 @@ def is_place(name: str) -> bool:
 
 
 def of_record(values: Mapping[str, float], number: int) -> dict[str, float]:
-    """What of the values of causes concerns the record of that number."""
+    """Those values of causes that concern the record of that number."""
     return {name: x for name, x in values.items() if not is_place(name) or name.startswith(f"{PLACE}{number}.")}
 
 
 def edges(voltage: Vector, hidden: Collection[int] = ()) -> list[int]:
-    """The sample after each edge of a voltage, none if they follow each other too fast; the end of a clamp is none.
+    """The sample after each edge of a voltage; none if edges follow each other too fast. The end of a clamp is no edge.
 
-    Where a clamp ends the current tells, see `halves`; but for `hidden` ones, which are edges if they are far enough
-    from the others.
+    The current tells where a clamp ends, see `halves`. If it does not (`hidden`), that end is an edge, if it is far
+    enough from the others.
     """
     steps, least, found, unseen = np.abs(np.diff(voltage)), STEEP * float(np.ptp(voltage)), list[int](), list[int]()
     for a, b in signals.edges(voltage, STEEP):
@@ -103,7 +103,7 @@ def move_edge(s: Signals, sample: int, later: float) -> Signals:
 
 
 def delay_voltage(s: Signals, value: float) -> Signals:
-    """Delay the voltage by so many seconds; what was before the first sample is as that."""
+    """Delay the voltage by so many seconds; before the first sample it was as at that."""
     flat = s.halves.reshape(-1)
     at = np.arange(flat.size) - 2.0 * value / s.dt
     return s._replace(halves=np.interp(at, np.arange(flat.size), flat).reshape(-1, 2))
@@ -146,7 +146,7 @@ def is_on(s: Signals) -> npt.NDArray[np.bool_]:
 def falls(s: Signals, later: float = 0.0) -> Matrix:
     """How much of each half the current falls in, from where the voltage is off to where nothing flows any more.
 
-    Its end is where a line through what are two and one hundredth of its range leads to, since it ends in noise; it may
+    The current ends in noise, so its end is where a line through two and one hundredths of its range leads to. It may
     be taken `later`, in times that this line needs.
     """
     level, i, on = LEVEL * float(np.ptp(s.current)), s.current, is_on(s)
@@ -199,7 +199,7 @@ CAUSES: Mapping[str, Cause] = {
     "switched": Cause("V", _volts, shift_pwm_mean, "a mean of the PWM that its samples do not tell, off by"),
     "drift": Cause("1", _one, drift, "a coil that gets warm: its resistance grows during an operation, relatively, by"),
 }
-HIDDEN = {  # what no residual need show: other values of the parameters explain much the same; relative, but for volts
+HIDDEN = {  # no residual need show these: other values of the parameters explain much the same; relative, but for volts
     "current": Cause(
         "1", _one, lambda s, x: s._replace(current=s.current * (1.0 - x)), "a current that is too large by"
     ),

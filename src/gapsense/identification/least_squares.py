@@ -52,7 +52,7 @@ class Minimum(NamedTuple):
     at_limit: npt.NDArray[np.bool_]  # of each number
 
 
-def currents(kernel: Kernel, pars: Sequence[Any], inputs: Matrix, name: str = "current") -> Matrix:
+def sample_outputs(kernel: Kernel, pars: Sequence[Any], inputs: Matrix, name: str = "current") -> Matrix:
     """Currents, or another output, of several models with inputs of their own (samples, inputs, models).
 
     They are (models, samples).

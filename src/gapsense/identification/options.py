@@ -1,4 +1,4 @@
-"""The options of the functions on records and of the commands of the same names, in one table; names that they take."""
+"""The options of the functions on records and of the commands of the same names, in one table, and their choices."""
 
 from __future__ import annotations
 

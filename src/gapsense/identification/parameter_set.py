@@ -1,7 +1,7 @@
 """What a component takes of a parameter set that was made for the solenoid valve.
 
 Most names mean the same everywhere.  But the models of [RTS] have a gap law of their own, with the parameter
-`gap.fringing`, R_g = R_g0 + R_g0' z / (1 + k_f z ln(c_f/z)), that of [UKF] takes a table, and estimators of the
+`gap.fringing`: R_g = R_g0 + R_g0' z / (1 + k_f z ln(c_f/z)). That of [UKF] takes a table, and estimators of the
 resistance start from priors.
 """
 

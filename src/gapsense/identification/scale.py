@@ -1,5 +1,5 @@
-"""The tuning of estimators that goes with the size of a device: of `Mhe` error of the model and windows, from what
-records show; of `Ekf` and `Ertss` process noise, from a table and the supply.
+"""The tuning of estimators that goes with the size of a device. `Mhe` gets its model error and windows from what
+records show, `Ekf` and `Ertss` get their process noise from a table and the supply.
 
 The defaults are those of a valve of 0.4 A that moves within 2 ms, and stay as they are where they fit.
 """

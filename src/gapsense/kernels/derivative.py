@@ -65,13 +65,13 @@ def linearise(function: Callable[..., Any], x: Any, *records: Any) -> tuple[Any,
         x = np.array([v if is_traced(v) else tape.node("+", (v, 0.0)) for v in x], dtype=object)
         values = function(x, *records)
         return np.array([*values], dtype=object), jacobian(values, x, (v for record in records for v in record))
-    flat = _linearised(function, len(x), *map(type, records))((*x, *(v for record in records for v in record)))
+    flat = _compile_linearised(function, len(x), *map(type, records))((*x, *(v for record in records for v in record)))
     m = len(flat) // (len(x) + 1)
     return np.array(flat[:m], dtype=object), np.array(flat[m:], dtype=object).reshape(m, len(x))
 
 
 @cache
-def _linearised(function: Callable[..., Any], n: int, *classes: Any) -> Any:
+def _compile_linearised(function: Callable[..., Any], n: int, *classes: Any) -> Any:
     tape = Tape()
     x = np.array([tape.node("in", ()) for _ in range(n)], dtype=object)
     records = [cls(*(tape.node("in", (), field.kind) for field in fields(cls).values())) for cls in classes]

@@ -67,8 +67,8 @@ def rk4(rate: Rate, y: Scalars, dt: Scalar, first: tuple[Any, ...] | None = None
     k3, q3, *_ = rate(_along(y, k2, half))
     k4, q4, *watched = rate(_along(y, k3, dt))
     sixth = dt / 6.0
-    integrals = _as(q1, (_weighted(*stages) * sixth for stages in zip(q1, q2, q3, q4)))
-    return _along(y, [_weighted(*stages) for stages in zip(k1, k2, k3, k4)], sixth), integrals, *watched
+    integrals = _as(q1, (_weigh(*stages) * sixth for stages in zip(q1, q2, q3, q4)))
+    return _along(y, [_weigh(*stages) for stages in zip(k1, k2, k3, k4)], sixth), integrals, *watched
 
 
 def rk4_until(
@@ -118,7 +118,7 @@ def _as(like: Scalars, values: Iterable[Scalar]) -> Any:
     return like._make(values) if hasattr(like, "_make") else tuple(values)
 
 
-def _weighted(k1: Scalar, k2: Scalar, k3: Scalar, k4: Scalar) -> Scalar:
+def _weigh(k1: Scalar, k2: Scalar, k3: Scalar, k4: Scalar) -> Scalar:
     return k1 + 2.0 * (k2 + k3) + k4
 
 

@@ -100,7 +100,7 @@ class Kernel:
     @cached_property
     def graphs(self) -> tuple[Graph, Graph]:
         """Traced `initial` and `step`."""
-        return self.traced()
+        return self.trace()
 
     @cached_property
     def wholes(self) -> list[Wholes]:
@@ -121,7 +121,7 @@ class Kernel:
         found = ((entries[name], k, len(own), span) for name, own in spans.items() for k, span in enumerate(own))
         return [Wholes(entry, k, every, *span) for entry, k, every, span in found if span]
 
-    def traced(self, values: Mapping[str, Any] | None = None, with_places: bool = False) -> tuple[Graph, Graph]:
+    def trace(self, values: Mapping[str, Any] | None = None, with_places: bool = False) -> tuple[Graph, Graph]:
         """Traced `initial` and `step`; parameters that have `values` are numbers in them, but for tables.
 
         On request the graphs know the line that each operation comes from.

@@ -1,7 +1,7 @@
 """Layout of the records that kernels take and return: named tuples of scalars, vectors, covariances, memory and tables.
 
 A field is annotated `Scalar`, or `Annotated[Array, Vector(3)]` and likewise `Covariance(n)`, `Memory(n)`, `Table()`, or
-with the class of a record that it holds; `Annotated[Scalar, Law]` says that a parameter is one of the choices `Law`.
+with the class of a record that it holds. `Annotated[Scalar, Law]` says that a parameter is one of the choices `Law`.
 `flat` and `record` turn a record into the flat sequence that generated code works on and back; of a covariance it holds
 the upper triangle.  The fields of a record within a record keep their names, which must differ from all others.
 """
@@ -229,13 +229,13 @@ def flatten(value: Any) -> list[Any]:
 
 def rebuild(like: T, scalars: Iterator[Any]) -> T:
     """The structure of `like` filled with `scalars`."""
-    return _rebuilt(like, scalars)  # type: ignore[no-any-return]
+    return _rebuild(like, scalars)  # type: ignore[no-any-return]
 
 
-def _rebuilt(like: Any, scalars: Iterator[Any]) -> Any:
+def _rebuild(like: Any, scalars: Iterator[Any]) -> Any:
     if isinstance(like, np.ndarray):
-        return np.array([*(_rebuilt(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
+        return np.array([*(_rebuild(item, scalars) for item in like.ravel())], dtype=object).reshape(like.shape)
     if isinstance(like, (tuple, list)):
-        items = [_rebuilt(item, scalars) for item in like]
+        items = [_rebuild(item, scalars) for item in like]
         return like._make(items) if hasattr(like, "_make") else type(like)(items)
     return next(scalars)

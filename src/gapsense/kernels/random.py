@@ -23,10 +23,10 @@ CANDIDATES = 64  # of `normal`; all are rejected with a probability of 1e-36
 def seed_state(seed: Scalar) -> Array:
     """Valid generator state (6,) for a seed, a whole number from 0 to 2^31 - 1.
 
-    The words of the state are seed + 1 scrambled once, twice, ... six times.  The scrambling is a nonlinear bijection:
-    seeds spread by a linear congruence would leave u_n(s) - 2 u_n(s + 1) + u_n(s + 2) near a few fixed numbers modulo 1
-    for every n, however long the warm-up, because the generator is linear as well.  Runs over the seeds 1, 2, 3, ...
-    would then not be independent.
+    The words of the state are seed + 1 scrambled once, twice, ... six times.  The scrambling is a nonlinear bijection.
+    The generator is linear: seeds spread by a linear congruence would leave u_n(s) - 2 u_n(s + 1) + u_n(s + 2) near a
+    few fixed numbers modulo 1 for every n, however long the warm-up.  Runs over the seeds 1, 2, 3, ... would then not
+    be independent.
     """
     words = loop(6, lambda *w: ((*w[1:], _scramble(w[-1])), False), (seed + 1.0,) * 6)
     return vector([*words[:3], *(where(w >= M2, w - M2, w) for w in words[3:])])

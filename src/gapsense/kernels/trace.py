@@ -295,7 +295,7 @@ def store(array: Any, index: Any, value: Any, shift: int = 0) -> Any:
     region: Region | None = array.tape.region
     while region is not None and region.starts is None:
         region = region.parent
-    if region is not None and region is not _entered(array):
+    if region is not None and region is not _last_loop(array):
         raise _error("store() inside loop() to memory from outside. Let it be part of the loop's state.")
     node = array.tape.node("store", tuple(map(_scalar, (array, index, value))), shift)
     array.tape.overwritten.add(array.id)
@@ -317,7 +317,7 @@ def _before(value: Expr) -> Any:
     return holder.args[value.extra] if holder.op == "loop" else [*holder.extra[2].values()][value.extra][0]
 
 
-def _entered(array: Any) -> Any:
+def _last_loop(array: Any) -> Any:
     """The body of the loop into which array memory came last, or None."""
     while isinstance(array, Expr) and array.op in ("store", "get"):
         array = _before(array)
@@ -377,14 +377,14 @@ def loop(limit: int, body: Callable[..., tuple[S, Any]], state: S) -> S:
     for done in range(limit):
         new, stop = (state, False) if is_known else body(*state)
         if is_known or has_traced((new, stop)):
-            return _traced_loop(_tape(*flatten((state, new, stop))), limit - done, body, state)
+            return _trace_loop(_tape(*flatten((state, new, stop))), limit - done, body, state)
         state = new
         if stop:
             break
     return state
 
 
-def _traced_loop(tape: Tape, limit: int, body: Callable[..., tuple[S, Any]], start: S) -> S:
+def _trace_loop(tape: Tape, limit: int, body: Callable[..., tuple[S, Any]], start: S) -> S:
     region, values = Region(tape.region), tuple(map(_scalar, flatten(start)))
     variables = tape.inside(region, lambda: tuple(tape.node("var", (), region) for _ in values))
     region.starts = {variable.id: value for variable, value in zip(variables, values)}

@@ -118,7 +118,7 @@ class Feeder:
         while self.left and not is_over.is_set():
             self.listen()
             self.fill(pending)
-            for future in self.awaited():
+            for future in self.wait():
                 for entry in self.entries(future, self.flying.pop(future)):
                     self.left -= 1
                     answers.put(entry)
@@ -155,7 +155,7 @@ class Feeder:
         wanted = int(LASTING / self.seconds) if self.seconds else 1
         return max(1, min(wanted, MOST, self.left // (2 * AHEAD * self.threads)))
 
-    def awaited(self) -> Iterator[Any]:
+    def wait(self) -> Iterator[Any]:
         """Tasks that have ended, after a short while none."""
         with suppress(Empty):
             yield self.landed.get(timeout=LOOK)
@@ -223,12 +223,12 @@ def refuse_others(client: Any, address: str) -> None:
     ]
     if not problems:
         own, found = identity(), client.run(identity, on_error="return")
-        problems = [f"{worker}: {difference(own, other)}" for worker, other in found.items() if other != own]
+        problems = [f"{worker}: {describe_difference(own, other)}" for worker, other in found.items() if other != own]
     if problems:
         raise InputError(problems)
 
 
-def difference(own: tuple[str, str], other: Any) -> str:
+def describe_difference(own: tuple[str, str], other: Any) -> str:
     """How the Gapsense of a worker differs."""
     if isinstance(other, Exception):
         return f"Gapsense does not start there: {other}."
@@ -285,7 +285,7 @@ class Site(WorkerPlugin):
             file.parent.mkdir()
             file.write_bytes(content)
             self.paths[path] = str(file)
-        self.job = self.made()
+        self.job = self.make_job()
         self.servers: list[Server] = []  # at rest
         self.busy: list[Server] = []
         self.since, self.lock, self.is_over = monotonic(), Lock(), Event()
@@ -301,7 +301,7 @@ class Site(WorkerPlugin):
             server.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def made(self) -> Job:
+    def make_job(self) -> Job:
         """What the processes do, with the files that are here."""
         many, here = self.pack.many, self.paths
         components = {n: replace(c, values=located_values(c.values, here)) for n, c in many.scenario.components.items()}

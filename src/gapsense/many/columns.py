@@ -1,4 +1,4 @@
-"""Columns of many runs, and a run as bytes with these."""
+"""Columns of many runs, and how a run is packed into bytes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Contents = dict[int, bytes]  # by run
 
 @dataclass(frozen=True)
 class Columns:
-    """What there is of each run: parameters, metrics, signals, each with its unit."""
+    """The columns of each run: parameters, metrics, signals, each with its unit."""
 
     factors: Mapping[str, tuple[str, str]]  # type and unit
     metrics: Mapping[str, str]  # unit
@@ -68,14 +68,14 @@ class Columns:
         """Number of each text."""
         return {name: {text: k for k, text in enumerate(texts)} for name, texts in self.texts.items()}
 
-    def packed(self, seed: int, values: Mapping[str, Any], metrics: Mapping[str, Any], wall: float | None) -> bytes:
+    def pack(self, seed: int, values: Mapping[str, Any], metrics: Mapping[str, Any], wall: float | None) -> bytes:
         """Bytes of a run; a metric that is missing is NaN."""
         given = [self.codes[n][str(values[n])] if n in self.codes else values[n] for n in self.factors]
         found = [metrics.get(name) for name in self.metrics]
         return self.layout.pack(seed, *(math.nan if x is None else float(x) for x in (*given, *found, wall)))
 
     def array(self, name: str, data: npt.NDArray[Any]) -> Vector:
-        """A column of some runs, of which neither errors nor ends are told."""
+        """A column of some runs; not one of errors or ends."""
         if name == "run":
             return np.asarray(data["place"] & (2**BITS - 1))
         if name == "seed":
@@ -92,7 +92,7 @@ class Columns:
 
 
 def from_facts(facts: Mapping[str, Any]) -> Columns:
-    """Columns of their JSON."""
+    """Read columns from their JSON."""
     return Columns(**{**facts, "factors": {name: (kind, unit) for name, (kind, unit) in facts["factors"].items()}})
 
 
@@ -102,7 +102,7 @@ def contents(columns: Columns, entries: Iterable[Mapping[str, Any]]) -> tuple[Co
     more: dict[str, Contents] = {ERRORS: {}, WORDS: {}, SIGNALS: {}}
     for entry in entries:
         run, metrics = entry["index"], entry.get("metrics", {})
-        runs[run] = columns.packed(entry["shift"], entry["values"], metrics, entry.get("wall"))
+        runs[run] = columns.pack(entry["shift"], entry["values"], metrics, entry.get("wall"))
         others = {name: value for name, value in metrics.items() if name not in columns.metrics}
         words = {**({ENDED: entry[ENDED]} if ENDED in entry else {}), **({"metrics": others} if others else {})}
         if ERROR in entry:

@@ -1,4 +1,4 @@
-"""Points in the unit cube by method, and the numbers that distributions make of them."""
+"""Points in the unit cube by method, and the quantiles of distributions at them."""
 
 from __future__ import annotations
 

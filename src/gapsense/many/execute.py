@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Done(NamedTuple):
-    """What became of it: runs done now, whether Ctrl-C ended it, and what did the runs."""
+    """The outcome: runs done now, whether Ctrl-C ended them, and the engine that did them."""
 
     computed: int
     interrupted: bool
@@ -67,7 +67,7 @@ def compute_missing(
 
 
 def executor_of(many: Many, missing: int, workers: int, engine: str, scheduler: str | None) -> tuple[Executor, str]:
-    """Who does the runs, and whether as vectors or by FMUs."""
+    """The executor that does the runs, and its engine."""
     if scheduler is not None:
         from gapsense.many.cluster import Cluster  # here, since it takes a while to load
 
@@ -85,7 +85,7 @@ def processors() -> int:
 
 
 class VectorExecutor:
-    """Threads that do runs as vectors; what is lost there is asked of a process with FMUs, which says why."""
+    """Threads that do runs as vectors. A lost run is done again by a process with FMUs, which says why."""
 
     def __init__(self, job: Job, vectors: Vectors) -> None:
         self.job, self.vectors = job, vectors

@@ -110,7 +110,7 @@ class StudyReader:
         found = (data or {}).get("components")
         return {SECTION, *(found if isinstance(found, dict) else ())}
 
-    def known(self, place: str, columns: Mapping[Port, Any]) -> Iterator[Block]:
+    def give_once(self, place: str, columns: Mapping[Port, Any]) -> Iterator[Block]:
         """A block of those parameters that are given nowhere else."""
         for port in columns:
             if port in self.places:
@@ -128,13 +128,13 @@ class StudyReader:
         table = Table({}, self.path.name, "", self.table.problems)
         rows, self.columns = read_rows(self.folder / file, table, self.files, self.components())
         if rows:
-            yield from self.known("rows", {port: [row[port] for row in rows] for port in rows[0]})
+            yield from self.give_once("rows", {port: [row[port] for row in rows] for port in rows[0]})
 
     def grid(self) -> Iterator[Block]:
         """Lists, each a block of its own."""
         grid = self.table.table("grid")
         for port, values in read_lists(grid, self.folder, self.files).items():
-            yield from self.known(grid.at(str(port)), {port: values})
+            yield from self.give_once(grid.at(str(port)), {port: values})
 
     def ranges(self) -> Iterator[Block]:
         """Values at even distances, each range a block of its own."""
@@ -143,7 +143,7 @@ class StudyReader:
             own = table.read(SECTIONS["range"])
             port = own["parameter"] and split(table, "parameter", own["parameter"])
             if port and is_range(table, own):
-                yield from self.known(table.at("parameter"), {port: space_values(own)})
+                yield from self.give_once(table.at("parameter"), {port: space_values(own)})
 
     def sample(self) -> Iterator[Block]:
         """Values that are drawn, all in one block."""
@@ -162,9 +162,9 @@ class StudyReader:
             table.note("count", f"{count} found, at most {MOST_RUNS} are allowed. Correct it.")
         elif count and factors and len(factors) == len(tables):
             drawn = points(own["method"], count, len(factors), own["seed"])
-            yield from self.drawn(factors, drawn)
+            yield from self.draw(factors, drawn)
 
-    def drawn(self, factors: list[tuple[Table, Port, Mapping[str, Any]]], drawn: Any) -> Iterator[Block]:
+    def draw(self, factors: list[tuple[Table, Port, Mapping[str, Any]]], drawn: Any) -> Iterator[Block]:
         """The block of what is drawn."""
         columns = {}
         for (table, port, own), u in zip(factors, drawn.T):
@@ -173,7 +173,7 @@ class StudyReader:
             given = [locate_file(str(port), value, self.folder, table) for value in own["values"] or ()]
             self.files += [Path(str(value)) for value in given if is_file(str(port), value)]
             columns[port] = DISTRIBUTIONS[own["distribution"]].quantile(u, {**own, "values": given})
-        yield from self.known("sample.factors", columns)
+        yield from self.give_once("sample.factors", columns)
 
 
 def read_factor(table: Table) -> tuple[Table, Port, Mapping[str, Any]] | None:

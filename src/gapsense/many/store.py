@@ -85,7 +85,7 @@ class Store:
     def entries(self) -> dict[int, tuple[str, Any]]:
         """Key and facts of each number; there are two copies."""
         query = " UNION ALL ".join(f"SELECT id, content, whole(id, content) FROM {name}" for name in (ABOUT, COPY))
-        rows = [row for rows in self.selected(query) for row in rows]
+        rows = [row for rows in self.select(query) for row in rows]
         if not all(is_good for *_, is_good in rows):
             LOG.warning("%s: its description of the runs is damaged; the copy is used. %s.", self.file, AGAIN)
         return {place: json.loads(payload(content)) for place, content, is_good in rows if is_good}
@@ -171,7 +171,7 @@ class Store:
 
     def content(self, table: str, run: int) -> bytes | None:
         """Content of one run in a table, None if there is none."""
-        found = next(self.selected(f"SELECT id, content FROM {table} WHERE id = ?", self.place(run)), [])
+        found = next(self.select(f"SELECT id, content FROM {table} WHERE id = ?", self.place(run)), [])
         if not all(is_whole(*row) for row in found):
             raise InputError([f"{self.file}: {table} of run {run} are damaged. {AGAIN}."])
         return payload(found[0][1]) if found else None
@@ -184,9 +184,9 @@ class Store:
     def of_key(self, what: str, table: str, more: str = "", below: int = 2**BITS) -> Iterator[list[Any]]:
         """Rows of the runs under this key, some at a time."""
         query = f"SELECT {what} FROM {table} WHERE id >= ? AND id < ? {more}"
-        return self.selected(query, self.place(0), self.place(below))
+        return self.select(query, self.place(0), self.place(below))
 
-    def selected(self, query: str, *values: int) -> Iterator[list[Any]]:
+    def select(self, query: str, *values: int) -> Iterator[list[Any]]:
         """Rows of a query, some at a time."""
         try:
             with tell_errors(self.file):

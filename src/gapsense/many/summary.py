@@ -19,7 +19,7 @@ MOST_LEVELS = 12  # a parameter with at most so many values is shown value by va
 BINS = 60
 MANY, OUTERMOST = 1000, 0.001  # of more runs than these a share at both ends is left out of the bins
 LAYERS = 20  # of a parameter
-ROUNDING = 1e-9  # of a value, by which runs differ that are alike
+ROUNDING = 1e-9  # of a value: runs that differ by less are alike
 
 
 class Spread(NamedTuple):
@@ -219,7 +219,7 @@ def extremes(campaign: Campaign, of: Spread, bounds: Bounds | None, most: int) -
 
 
 def distance(values: Vector, median: float, bounds: Bounds | None) -> Vector:
-    """How bad values are; what is no number is not looked at."""
+    """How bad values are; NaN and infinity are left out."""
     found = np.abs(values - median) if bounds is None else np.maximum(bounds[0] - values, values - bounds[1])
     return np.where(np.isfinite(values), found, -np.inf)
 

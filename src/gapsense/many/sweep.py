@@ -113,8 +113,9 @@ def sweep(
     keep : bool
         Keep the recorded signals of every run too, in a folder below `out`.
     engine : str
-        `"fmu"`: the FMUs; `"native"`: those in `build/native`; `"vectors"`: our own components without FMUs, many runs
-        at once, with the same bits; `"auto"`: vectors where a C compiler is and all FMUs are ours, else the FMUs.
+        `"fmu"`: the FMUs; `"native"`: those in `build/native`; `"vectors"`: Gapsense's own components without FMUs,
+        many runs at once, bit-identical. `"auto"`: vectors if there is a C compiler and all FMUs are Gapsense's own,
+        else the FMUs.
     """
     refuse_unknown(engine)
     file_of = None if isinstance(scenario, Document) else scenario_file(scenario)

@@ -22,7 +22,7 @@ WRONG = "#cf222e"
 
 
 def figure(comparison: Comparison, title: str) -> Figure:
-    """The signals that fail, or those nearest to the end of their tolerance: whole, and where they are worst."""
+    """The signals that fail, or those nearest to the end of their tolerance, whole and around their worst row."""
     chosen = (comparison.failing or comparison.within)[:MOST]
     made, axes = panels(title, max(1, len(chosen)), 2, (13.0, 1.2 + 2.0 * max(1, len(chosen))))
     for difference, pair in zip(chosen, axes):

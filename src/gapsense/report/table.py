@@ -39,8 +39,7 @@ def choose_prefix(value: float, unit: str) -> tuple[float, str]:
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]] = (), texts: int = 1) -> Table:
     """A table of plain texts: `[m]` in one is a unit, no markup.
 
-    So many of the columns, from the left, are `texts`; the others are numbers. Cells at the end of a row may be
-    missing.
+    The first `texts` columns from the left hold texts, the others numbers. Cells at the end of a row may be missing.
     """
     made = Table(title=Text(title, "table.title") if title else None, box=box.SIMPLE_HEAD, title_justify="left")
     for k, column in enumerate(columns):
@@ -79,7 +78,7 @@ def fit_to_width(made: Table, width: int) -> list[Table]:
 
 
 def split(columns: Sequence[Column], widths: Mapping[int, int], room: int, most: int) -> list[list[Column]]:
-    """Columns in groups of so many characters and columns at most."""
+    """Columns in groups that fit into a room of characters, at most `most` in each."""
     groups: list[list[Column]] = [[]]
     for column in columns:
         group = groups[-1]

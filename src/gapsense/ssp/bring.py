@@ -119,7 +119,7 @@ def fresh(name: str, taken: set[str]) -> str:
     return next(name for name in number_names(path.stem, path.suffix) if name.lower() not in others)
 
 
-def described_all(
+def read_descriptions(
     components: list[Element], fmus: Mapping[Place, str], folder: Path, problems: list[str]
 ) -> dict[Place, Description]:
     """Model descriptions of components, as far as they can be read."""
@@ -172,7 +172,7 @@ class Maker:
         self.told, self.components = Told(root, problems, notes), [*outer.components()]
         fmus = take_fmus(package, self.components, folder, problems)
         self.fmus = {path: f"{FMUS}/{file}" for path, file in fmus.items()}  # as the scenario names them
-        self.descriptions = described_all(self.components, fmus, folder, problems)
+        self.descriptions = read_descriptions(self.components, fmus, folder, problems)
         files = dict.fromkeys(d.path for d in self.descriptions.values())
         shared, other = together(map(units_of, files))
         problems += [f"the unit `{sanitise(name)}` is not the same in two FMUs. Correct one of them." for name in other]

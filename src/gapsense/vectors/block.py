@@ -158,7 +158,7 @@ class Block:
             for inlet, value in constants(model.scenario, model.subject.descriptions, take.values).items():
                 self.values[model.layout.inlets[inlet], lane] = float(value)
             if self.directors:
-                self.directed(lane)
+                self.pass_events(lane)
         self.alike()
         self.provide(0)
         self.c.play_first(model.loop, self.runs)
@@ -206,9 +206,9 @@ class Block:
             except FmuError:
                 self.lose(lane)
                 director.limit = self.model.experiment.count
-            self.directed(lane)
+            self.pass_events(lane)
 
-    def directed(self, lane: int) -> None:
+    def pass_events(self, lane: int) -> None:
         """Tell C what the events of a run do."""
         director, model = self.directors[lane], self.model
         for name, stage in director.stages.items():

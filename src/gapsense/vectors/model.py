@@ -54,13 +54,13 @@ class Model:
         self.members = [self.member(self.scenario.components[name]) for name in subject.order.names]
         self.structures = (library.Part * len(self.members))(*map(self.part, self.members))
         self.loop = self.whole()
-        self.known = lru_cache(KNOWN)(known_entries)
+        self.known_entries = lru_cache(KNOWN)(known_entries)
 
     def entries(self, member: Member, given: Mapping[str, Value]) -> Sequence[Any]:
         """Entries of the parameters of a component with some values; those that many runs share are made once."""
         found = member.places.functions
         own = tuple(of_parameters(found.component, given).items())
-        return self.known(found, own, repr(own))
+        return self.known_entries(found, own, repr(own))
 
     def member(self, component: Component) -> Member:
         """A component with its places. With Jacobi, the inputs it has taken may differ from those in the buffer."""

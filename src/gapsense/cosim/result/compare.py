@@ -53,7 +53,7 @@ def compare(result: Result, baseline: Baseline) -> Comparison:
     if problem:
         return Comparison((problem,))
     names = select_signals(result, baseline)
-    found = [difference(result, name, columns[name], baseline) for name in names if name in columns]
+    found = [compare_rows(result, name, columns[name], baseline) for name in names if name in columns]
     return Comparison(tuple(other_signals(names, columns)), tuple(found))
 
 
@@ -85,7 +85,7 @@ def tolerance_of(name: str, baseline: Baseline) -> Tolerance:
     return next(own, baseline.tolerance)
 
 
-def difference(result: Result, name: str, reference: Vector, baseline: Baseline) -> Difference:
+def compare_rows(result: Result, name: str, reference: Vector, baseline: Baseline) -> Difference:
     """A signal of a result beside its reference at the same rows."""
     tolerance, signal = tolerance_of(name, baseline), result.about[name]
     rows = reach(tolerance.edge_steps, step_of(name, result.run), result.times)
@@ -259,7 +259,7 @@ def edges(values: Vector) -> Rows:
 
 
 def reach(steps: int, step: float, times: Vector) -> int:
-    """Rows that so many steps of a component [s] span; at least one, where rows are further apart than steps."""
+    """Rows that so many steps of a component span, each `step` long [s]; at least one if rows are further apart."""
     if not steps or times.size < 2:
         return 0
     spacing = float(np.median(np.diff(times)))
@@ -284,8 +284,8 @@ def envelope(values: Vector, rows: int) -> tuple[Vector, Vector]:
 def find_moved_edges(values: Vector, reference: Vector, allowed: float, rows: int) -> Rows:
     """Find rows that differ by no more than an edge that came earlier or later.
 
-    They are near an edge; the value lies between what the reference has up to so many rows away, and the reference
-    between what the values have there: so a pulse that is missing, or one too many, is no edge that has moved.
+    They are near an edge: the value lies between those of the reference up to so many rows away, and the reference
+    between the values there. So a missing pulse, or one too many, does not pass as an edge that has moved.
     """
     if not rows or not values.size:
         return np.zeros(values.shape, dtype=np.bool_)
@@ -307,7 +307,7 @@ def is_between(values: Vector, low: Vector, high: Vector, allowed: float) -> Row
 
 
 def slack(*grids: Vector) -> float:
-    """How far apart times of these grids may be and still be one [s]."""
+    """Times of these grids that are no further apart than this count as equal [s]."""
     return SLACK * min((spacing(grid) for grid in grids if (np.diff(grid) > 0.0).any()), default=0.0)
 
 
@@ -358,7 +358,7 @@ def places(moments: Vector, times: Vector, near: float) -> npt.NDArray[np.int64]
 
 
 def lost(moments: Vector, own: Rows, full: Rows, near: float) -> Rows:
-    """Moments that only the other grid has, and that are no rows which a coarser grid leaves out."""
+    """Moments that only the other grid has, except rows that a coarser grid leaves out."""
     missing = full & ~own
     at = np.flatnonzero(own[full])  # of the other's rows
     if not missing.any() or at.size == 0:
@@ -412,8 +412,8 @@ def common(times: Vector, other: Vector, after: float, before: float) -> Vector:
 def resample(times: Vector, values: Vector, at: Vector) -> Vector:
     """Resample a signal at some times: its row where there is one, else between two rows.
 
-    There it is on a straight line, or, if all its values are whole numbers as modes and switches have, what the
-    row before has.
+    There it lies on a straight line. If all its values are whole numbers, as of modes and switches, it has the value of
+    the row before.
     """
     before = np.clip(np.searchsorted(times, at + slack(times, at), side="right") - 1, 0, times.size - 1)
     is_row = np.abs(times[before] - at) <= slack(times, at)

@@ -1,4 +1,4 @@
-"""Compare two results, whoever made them: files, or all that two folders have under the same names."""
+"""Compare two results of any origin: two files, or all files that two folders have under the same names."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def compare_trajectories(result: Trajectories, reference: Trajectories, how: Bas
     times = reference.times if is_same else common(result.times, reference.times, window.after, window.before)
     if not times.size:
         return Comparison((*problems, "the two have no times in common. Correct the window."))
-    found = [difference(result, reference, name, times, how) for name in both]
+    found = [compare_resampled(result, reference, name, times, how) for name in both]
     problems += [problem for name in both if (problem := other_unit(result, reference, name))]
     return Comparison(tuple(problems), tuple(found))
 
@@ -174,7 +174,9 @@ def other_unit(result: Trajectories, reference: Trajectories, name: str) -> str:
     return f"{name}: it is in {found} in {result.name}, in {expected} in {reference.name}. Nothing is converted."
 
 
-def difference(result: Trajectories, reference: Trajectories, name: str, times: Vector, how: Baseline) -> Difference:
+def compare_resampled(
+    result: Trajectories, reference: Trajectories, name: str, times: Vector, how: Baseline
+) -> Difference:
     """A signal of both at the times that are compared."""
     about = [t.about[name] for t in (reference, result)]
     nominal = next((a.nominal for a in about if math.isfinite(a.nominal)), 1.0)

@@ -203,7 +203,7 @@ class Result:
             "run": {**asdict(self.run), "source": relative(self.run.source, folder)},
             "signals": {name: asdict(signal) for name, signal in self.about.items()},
             "parameters": self.parameters,
-            "metrics": {name: written_measured(measured) for name, measured in self.metrics.items()},
+            "metrics": {name: write_measured(measured) for name, measured in self.metrics.items()},
             "timing": {name: asdict(timing) for name, timing in self.timing.items()},
             "wall": self.wall,
             "realtime_factor": self.realtime_factor,
@@ -244,7 +244,7 @@ def read_result(path: str | Path) -> Result:
     )
 
 
-def written_measured(measured: Measured) -> dict[str, Any]:
+def write_measured(measured: Measured) -> dict[str, Any]:
     """JSON form of a metric; JSON has no number for NaN and infinity, so these are texts."""
     value, *bounds = (x if math.isfinite(x) else str(x) for x in (measured.value, *(measured.bounds or ())))
     return {**asdict(measured), "value": value, "bounds": bounds or None}
@@ -278,10 +278,7 @@ def finder(result: Result) -> Callable[[Metric], Samples]:
 
     They are found once for all metrics that look at the same ones.
     """
-
-    @cache
-    def find_steps(component: str) -> Rows:
-        return np.flatnonzero(result.stepped(component))
+    find_steps = cache(lambda component: np.flatnonzero(result.stepped(component)))
 
     @cache
     def inside(component: str, where: str | None, time: str | None, window: Window) -> Samples:

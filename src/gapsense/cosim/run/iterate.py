@@ -36,8 +36,8 @@ class Spent(Exception):
 class Secants:
     """Inverse (n, n) of the Jacobian of r, of pairs dx, dr, and before there are any -1: the step of the fixed point.
 
-    A pair is added by the least change that keeps those before it, which is Anderson acceleration; since the inverse is
-    kept from step to step, it is the interface quasi-Newton method of Bogaers et al. (2014).
+    A pair is added by the least change that keeps those before it, which is Anderson acceleration. With an inverse that
+    is kept from step to step, it is the interface quasi-Newton method of Bogaers et al. (2014).
     """
 
     def __init__(self, inverse: Matrix) -> None:
@@ -163,9 +163,10 @@ class Sweep:
     def search(self, act: Act) -> None:
         """Take steps of the secants until the loop is solved.
 
-        Where these do not find it, they are made anew by differences: at the best point so far, from where a step that
-        makes the residual larger is halved; if that does not find it either, where the steps have led; and so in turn.
-        A single unknown then stays between two points of unlike residuals. A step of which a component fails is halved.
+        If they do not find the solution, new secants are made by differences: first at the best point so far, from
+        where a step that makes the residual larger is halved. If that fails too, they are made where the steps have
+        led, and so in turn. A single unknown then stays between two points of unlike residuals. A step of which a
+        component fails is halved.
         """
         secants, since, tries, n = Secants(self.inverse), 0, 0, len(self.unknowns)
         x = [self.buffer[place] for place in self.unknowns]
@@ -254,8 +255,8 @@ def renew(part: Part, is_again: bool) -> None:
         part.instance.hold(LOOP)
 
 
-# At the start: first by inputs and outputs in initialization mode, which FMI foresees for loops; what then still
-# changes when this mode ends, as in FMUs that compute nothing before, is repeated from saved states.
+# At the start: first by inputs and outputs in initialization mode, which FMI provides for loops. Some FMUs compute
+# nothing before this mode ends: what still changes then is repeated from saved states.
 
 
 def start_loop(parts: Sequence[Part], experiment: Experiment, mark: Callable[[Part], None]) -> None:

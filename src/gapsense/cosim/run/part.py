@@ -434,8 +434,8 @@ def place(port: Port, value: Value, places: Layout, buffer: array[float], texts:
 # What the loop over base steps has to do, and who steps when: part i at `offset + j * step`, j >= 1.
 
 
-# Does base steps up to the one given, and returns the last one done: an earlier one if it was told to stop, if
-# Python should look up, or if there is news of a condition.
+# Does base steps up to the one given, and returns the last one done. That is an earlier one if it was told to stop, if
+# Python should look up, or if a condition has news.
 Advance = Callable[[int], int]
 
 

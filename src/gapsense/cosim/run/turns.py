@@ -226,8 +226,8 @@ def counter(work: Work) -> Callable[[int], None]:
     return count
 
 
-# Inputs that go in a straight line: to their new value, so that what leaves one component arrives at the other, or on
-# from their last two values where the new one is not known before the step.
+# Inputs that go in a straight line. It leads to their new value, so that what leaves one component arrives at the
+# other. Where the new value is not known before the step, the line through the last two goes on.
 
 
 def line(old: float, new: float, duration: float) -> tuple[float, float]:

@@ -599,9 +599,9 @@ def _outputs(
 # The current, fed back while something else holds the mover (10).
 #
 # In open loop the model comes to a stop where a servo holds the mover.  An extended Kalman filter of (lambda, z, v)
-# then goes on with the learnt model.  It begins if the mean innovation has been too large for some time, if a held
-# voltage over its current is R, so that coil and sensor are right, and if a small error of R is not the reason.
-# At first it hardly trusts the state, so that the first currents decide.  It ends at rest on a stop.
+# then goes on with the learnt model.  It begins if three conditions hold: the mean innovation has been too large for
+# some time; a held voltage over its current is R, so that coil and sensor are right; a small error of R is not the
+# reason. At first it hardly trusts the state, so that the first currents decide.  It ends at rest on a stop.
 #
 # It was no servo but a fault if the filter explains the currents no better, if a held voltage says that R is another
 # one, or if no current is left to tell a position.  The model then runs in open loop until the next edge at least.

@@ -360,7 +360,7 @@ def _teach(old: Baseline, means: Array, is_closing: Scalar, par: Parameters) -> 
 
 def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
     """Learnt values that have moved too far, though no operation was strange."""
-    moved = _wandered(state)
+    moved = _drift(state)
     is_worn = _wear(moved) > par.limit_worn
     evidence = where_each(is_worn, _evidence(moved[1:], GRADUAL, 1.0), NONE)
     verdict = where(is_worn, float(Verdict.worn), float(Verdict.healthy))
@@ -368,7 +368,7 @@ def _wear_out(state: State, time: Scalar, par: Parameters) -> State:
     return _with_evidence(state, evidence, time)
 
 
-def _wandered(state: State) -> Array:
+def _drift(state: State) -> Array:
     """Learnt values since the baseline, in multiples of their usual wandering (3)."""
     return (state.learnt.values - state.baseline.healthy) / state.learnt.wandering
 
@@ -442,7 +442,7 @@ def _given_baseline(par: Parameters) -> Baseline:
 
 
 def _outputs(state: State) -> Outputs:
-    course, learnt, baseline, moved = state.course, state.learnt, state.baseline, _wandered(state)
+    course, learnt, baseline, moved = state.course, state.learnt, state.baseline, _drift(state)
     lag = 1.0 / SLOW - 1.0 / QUICK  # operations
     return Outputs(
         verdict=course.verdict,

@@ -1,10 +1,10 @@
 """Signatures of causes: which way innovations and learnt values go.
 
-`SUDDEN` are mean innovations of the first closing with a fault (before the motion, in it, after the landing, in the
-rest) and of the first opening, which counts no more than a closing before it.  `GRADUAL` are learnt values (eddy
+`SUDDEN` are mean innovations of the first closing with a fault: before the motion, in it, after the landing, at rest.
+Those of the first opening follow, which counts no more than a closing before it.  `GRADUAL` are learnt values (eddy
 currents, gap factor, knee, saturation, hysteresis, mass, rest position) in usual wanderings.  Only directions count.
-`python -m gapsense.scenarios.condition.fit` has found them, with seeds 21 to 23, and those of a
-stuck mover with 31 to 35 too.
+`python -m gapsense.scenarios.condition.fit` has found them, with seeds 21 to 23, and those of a stuck mover with 31 to
+35 too.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """A record as what drives the model: the mean voltage of every step, with edges whose places are sought.
 
 Where the voltage jumps from one sample to the next, the samples do not say when.  Half a sample of doubt on a step of
-30 V is as much flux linkage as an offset of many milliamperes, so that the place of every edge is a parameter, in
-sampling periods after the middle: of all edges together, and of each by itself unless they are in step with the
-samples.
+30 V is as much flux linkage as an offset of many milliamperes. So the place of the edges is a parameter, in sampling
+periods after the middle: one of all edges together, and one of each edge unless they are in step with the samples.
 """
 
 from __future__ import annotations

@@ -1,9 +1,12 @@
 """All parameters of `Mhe` from records of voltage and current: least squares over whole records, from rest.
 
-Sought are the logarithms of factors of what is believed, each with a deviation that says how wrong that may be, and the
-places of the edges: sum w^2 (i - i_model)^2 + sum (log factor / deviation)^2 + sum (place / deviation)^2.  Coil and
-core come first, from the first quarter of each record; then all parameters, from its first half and from the whole of
-it: far from the minimum a long record is wrong by whole motions, and says little.
+The fit seeks the logarithms of factors of the believed values, each with a deviation that says how wrong that may be,
+and the places of the edges. Its cost is
+
+    sum w^2 (i - i_model)^2 + sum (log factor / deviation)^2 + sum (place / deviation)^2.
+
+Coil and core come first, from the first quarter of each record; then all parameters, from its first half and from the
+whole of it. Far from the minimum a long record is wrong by whole motions, and says little.
 
 What that leaves of the current asks for more: the length along which the flux of the gap fringes, another knee b m^n of
 the core, and stops from which the mover comes back.  A longer fringe is a leak G beside the gap, R/(1 + G R): with
@@ -32,13 +35,13 @@ from gapsense.identification.least_squares import (
     STEP,
     Matrix,
     Vector,
-    currents,
     differences,
     finite,
     independent,
     minimise,
     promise,
     rms,
+    sample_outputs,
 )
 from gapsense.identification.measurements.record import Record
 from gapsense.identification.measurements.signals import ANYWHERE
@@ -178,7 +181,7 @@ def sample_models(
     """
     every = np.vstack([np.zeros((1, len(pars))), volts])
     pars = [par._replace(known=par.known._replace(sample_time=drive.step)) for par in pars]
-    return currents(KERNEL, pars, every[:, None, :], name)[:, :: drive.parts]
+    return sample_outputs(KERNEL, pars, every[:, None, :], name)[:, :: drive.parts]
 
 
 def sample_record(
@@ -344,15 +347,15 @@ def is_sound(richer: Commissioned, found: Commissioned) -> bool:
 
 def is_better(richer: Commissioned, found: Commissioned) -> bool:
     """Whether the evidence is for more numbers (G. Schwarz 1978); neighbouring residuals that are alike count once."""
-    before, after = (np.concatenate([left_at(d, m) for d, m in zip(c.drives, c.models)]) for c in (found, richer))
+    before, after = map(left_of, (found, richer))
     n = independent(before)
     more = len(richer.names) - len(found.names)
     return bool(n * math.log(float(before @ before) / float(after @ after)) > more * math.log(n))
 
 
-def left_at(drive: Excitation, model: Trajectory) -> Vector:
-    """What a model leaves of the currents that count."""
-    return (drive.current - model.current)[drive.weights > 0.0]
+def left_of(result: Commissioned) -> Vector:
+    """What the models leave of the currents that count."""
+    return np.concatenate([(d.current - m.current)[d.weights > 0.0] for d, m in zip(result.drives, result.models)])
 
 
 def with_more(p: Problem, form: Sequence[str]) -> Problem:

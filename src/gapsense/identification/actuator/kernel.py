@@ -71,7 +71,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
     at = advance(p._replace(voltage=u), u, m)
     before = _touching(p.position, p.velocity, hard, par)
     at = at._replace(velocity=at.velocity + _beside(p.position, z, before, m, par))
-    at = _turned_round(p, z, at, m, par)
+    at = _turn_round(p, z, at, m, par)
     return at, Outputs(current(at, u, m), at.flux_linkage, at.position)
 
 
@@ -103,7 +103,7 @@ def _beside(start: Scalar, end: Scalar, before: Model, after: Model, par: Parame
     return where(crosses, 0.5 * par.known.sample_time * apart * k * inside / par.known.mover_mass, 0.0)
 
 
-def _turned_round(p: Point, free: Scalar, at: Point, m: Model, par: Parameters) -> Point:
+def _turn_round(p: Point, free: Scalar, at: Point, m: Model, par: Parameters) -> Point:
     """The same, after a hard stop from which the mover comes back; `free` is where it would be without the stop."""
     known, stop, T_s = par.known, at.position, m.T_s
     share = (stop - p.position) / where(free == p.position, 1.0, free - p.position)

@@ -222,20 +222,33 @@ def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
 
 
 def remarks(result: Commissioned, before: Parameters) -> list[str]:
-    """Sentences: how well the model explains the records, and what these do not tell."""
+    """Sentences: how well the model explains the records, how the search ended, and what is doubtful."""
+    return [*_describe_fit(result), *_describe_search(result, before), *_describe_doubtful(result, before)]
+
+
+def _has_other_knee(result: Commissioned) -> bool:
+    """Whether the knee of the core is another one than usual."""
+    return bool(result.beyond.core_power)
+
+
+def _describe_fit(result: Commissioned) -> list[str]:
+    """How well the model explains the records, and with what beside the usual numbers."""
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
-    is_other = bool(result.beyond.core_power)
-    if is_other or (set(result.names) & {*STOPS, *REBOUND}):
+    if _has_other_knee(result) or (set(result.names) & {*STOPS, *REBOUND}):
         said.append(describe_additions(result))
-    said += [
+    return said + [
         f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
         " is a guess. Do not rely on values and standard errors. Sample faster, or sample a filtered mean."
         for d in result.drives
         if d.is_too_fast
     ]
+
+
+def _describe_search(result: Commissioned, before: Parameters) -> list[str]:
+    """How large the misfit is, whether the search has found a minimum, and what positions are worth."""
     is_usual = result.misfit < before.health_limit
     well = "" if is_usual else ", of which less than 1 is usual: the model is another one"
-    said.append(f"Misfit {result.misfit:.2g}{well}.")
+    said = [f"Misfit {result.misfit:.2g}{well}."]
     if not result.is_minimum:
         after = f"after {result.steps} steps" if result.steps else "without one step from what was believed"
         said.append(
@@ -246,6 +259,12 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
         said.append(
             f"By the standard errors, positions of the model are certain to {1e6 * position_error(result):.2g} um RMS."
         )
+    return said
+
+
+def _describe_doubtful(result: Commissioned, before: Parameters) -> list[str]:
+    """Which parameters end at a limit or far from what was believed, and which the records do not tell."""
+    said, is_other = list[str](), _has_other_knee(result)
     for name in (name for name in result.at_limit if name in PORTS):
         port, values = PORTS[name], [float(getattr(par, name)) for par in (result.parameters, before)]
         at, believed = (quantity(value, port.unit) for value in values)

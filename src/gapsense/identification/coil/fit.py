@@ -27,7 +27,7 @@ import scipy
 from gapsense._os.workers import Progress
 from gapsense.identification.coil import kernel as device
 from gapsense.identification.coil.kernel import NO_SATURATION, Outputs, Parameters
-from gapsense.identification.least_squares import currents, differences, finite, long_run, minimise
+from gapsense.identification.least_squares import differences, finite, long_run, minimise, sample_outputs
 from gapsense.identification.measurements.operations import coil, estimate, mean_resistance, operations, starts
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.measurements.signals import noise, resolution
@@ -203,7 +203,7 @@ class Problem:
         offsets = np.array([self.offset(point, k) for point in points])
         voltages: Matrix = run.voltages[:, :, None] + offsets[:, 0]
         return np.asarray(
-            currents(KERNEL, [self.parameters(point, run) for point in points], voltages) + offsets[:, 1:]
+            sample_outputs(KERNEL, [self.parameters(point, run) for point in points], voltages) + offsets[:, 1:]
         )
 
     def residuals(self, points: Sequence[Vector]) -> Matrix:

@@ -1,7 +1,7 @@
 """Inductances at known gaps, as an instrument for coils gives them, at one frequency or at several.
 
-Eddy currents keep the flux out of the iron as the frequency rises: what is measured then is smaller than the static
-inductance, the more so the smaller the gap is, until it even rises with the gap.  So the lowest frequency serves.
+Eddy currents keep the flux out of the iron as the frequency rises. The measured inductance is then smaller than the
+static one, the more so the smaller the gap is, until it even rises with the gap.  So the lowest frequency serves.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Operations of a record, from rest to rest, their resistances and the flux linkage: [UKF] (19)-(23).
 
-Operations are found from voltage and current together, whatever the levels are.  The current tells what is rest, the
-voltage when an operation begins: where it leaves what it was at rest, before the current can be seen.  A drive whose
-current never ends is cut at the rising edges of its voltage.
+Operations are found from voltage and current together, whatever the levels are.  The current shows where there is rest.
+The voltage shows when an operation begins: it leaves its value at rest before the current can be seen. If the current
+never ends, operations are cut at the rising edges of the voltage.
 
-The flux linkage is not measured but integrated, (21), and what is lost at the start is lost for good: periodicity gives
-the resistance (23), never the offset.  So a record must begin at rest, without current, and the integral begins with
-its first operation.  With the resistance of (23) for each operation the integral ends where it began, so that no error
-is carried from one operation to the next.  The sums as printed are biased by half a sample: the voltage is that of the
+The flux linkage is not measured but integrated, (21), so that an unknown start stays unknown: periodicity gives the
+resistance (23), never the offset.  So a record must begin at rest, without current, and the integral begins with its
+first operation.  With the resistance of (23) for each operation the integral ends where it began, so that no error is
+carried from one operation to the next.  The sums as printed are biased by half a sample: the voltage is that of the
 interval, the current its trapezoid.
 """
 
@@ -55,7 +55,7 @@ class Operation(NamedTuple):
 def coarse(x: Vector) -> float:
     """Standard deviation of noise and rounding together, if the steps of a converter are larger than the noise; or 0.
 
-    The median of the second differences is none or one step then; larger ones than two steps are those of the signal.
+    The median of the second differences is zero or one step then. Differences above two steps belong to the signal.
     """
     step, curvature = resolution(x), np.abs(np.diff(x, 2))
     works = curvature[np.abs(x[1:-1]) > SMALL["current"] * np.ptp(x)]
@@ -119,7 +119,7 @@ def activities(record: Record) -> list[tuple[int, int]]:
 
 
 def _is_moved(v: Vector, limit: float, ended: int, begin: int, end: int) -> bool:
-    """Whether the voltage rests from the end of an activity to that of the next: a mover that goes back makes that."""
+    """Whether the voltage stays at rest until the next activity ends, which is then due to a mover that goes back."""
     return bool(np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= limit))
 
 
@@ -197,7 +197,7 @@ class Flux(NamedTuple):
     resistances: Vector  # of each [Ohm], (23)
     per_sample: Vector  # resistance of the interval before each sample [Ohm]
     flux_linkage: Vector  # at each sample [Wb]; zero before the first operation
-    warmed: Vector  # what the resistance takes more than that from the interval before each sample [V]
+    warmed: Vector  # what a growing resistance takes beside that from the interval before each sample [V]
 
 
 def trapezoid(current: Vector) -> Vector:
@@ -229,9 +229,10 @@ def estimate(record: Record, found: list[Operation]) -> Flux:
 
 
 def estimate_warming(means: Vector, found: list[Operation], R: Vector, least: float) -> Vector:
-    """Estimate what the resistance takes more, first less, within an operation, if it grows from each to the next [V].
+    """Estimate what a resistance that grows from operation to operation takes beside its mean [V].
 
-    In all by `least` of it, since places of edges change it, too.
+    Within an operation that is less at first, then more. The resistance must grow by `least` of itself in all, because
+    the places of edges change it too.
     """
     more = np.zeros(means.size)
     if len(found) < 2 or R[-1] < (1.0 + least) * R[0] or np.any(np.diff(R) <= 0.0):
@@ -251,7 +252,7 @@ def mean_resistance(*records: Record) -> float:
 def coil(record: Record, operation: Operation) -> tuple[float, float]:
     """Inductance of the coil of constant L and R that is nearest to an operation, and how far it is from that.
 
-    The integral of v = R i + L di/dt, by least squares: unlike (23) it does not hang on the end of the operation.
+    The integral of v = R i + L di/dt, by least squares: unlike (23) it does not depend on the end of the operation.
     """
     i, means = record.current[operation.inside], trapezoid(record.current[operation.start : operation.stop + 1])[1:]
     charge, volts = (np.cumsum(x) * record.dt for x in (means, record.halves[operation.inside].mean(axis=1)))

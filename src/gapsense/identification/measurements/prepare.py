@@ -1,7 +1,7 @@
 """Records made ready: offsets taken out, signs turned, long records made shorter.
 
-A block's mean of the current stands at its middle, and the voltage between two middles is the mean of what was between
-them, so that charge and volt-seconds are kept, and noise beyond the new rate does not fold down.
+The mean current of a block stands at its middle, and the voltage between two middles is the mean of what was between
+them. So charge and volt-seconds are kept, and noise beyond the new rate does not fold down.
 """
 
 from __future__ import annotations

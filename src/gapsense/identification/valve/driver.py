@@ -1,7 +1,7 @@
 """What the driver takes of a recorded voltage, and how late the current is: given, or found with the parameters.
 
-Each is a cause of `causes`, with one value for all records.  Its value moves together with the parameters: after each
-fit of these one Gauss-Newton step of all of them, then the records are prepared anew.
+Each is a cause of `causes`, with one value for all records.  After each fit of the parameters one Gauss-Newton step
+moves both, then the records are prepared anew.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ FIT = "fit"
 
 
 class Driver(NamedTuple):
-    """What is known of the causes, and which are fitted, from these values or from none on."""
+    """Which causes are known, and which are fitted, starting from these values or from zero."""
 
     values: Mapping[str, float] = {}
     fitted: tuple[str, ...] = ()
@@ -44,7 +44,7 @@ class Driver(NamedTuple):
     ] = {}  # relative standard errors of the scales of voltage and current, or of a parameter
 
     def of(self, records: Sequence[Record]) -> list[Record]:
-        """The records, of which what is known is to be taken out."""
+        """The records, marked with the known causes that are to be taken out of them."""
         return [record._replace(drive=self.values) for record in records]
 
     @property
@@ -97,9 +97,9 @@ def driver_notes(values: Mapping[str, float]) -> list[str]:
 
 
 def doubt_resistance(resistance: float, believed: float | None, error: float | None = None) -> list[str]:
-    """A sentence, if the resistance of (23) is another one than a coil of copper, or known so well, can have.
+    """A sentence, if neither heat in copper nor the error of the known resistance explains that of (23).
 
-    A voltage that is too large by a factor is explained by other values of the parameters: no residual tells it.
+    A voltage that is too large by a factor is explained by other values of the parameters: no residual shows it.
     """
     if not believed or abs(resistance / believed - 1.0) < (WARMEST if error is None else CERTAIN * error):
         return []
@@ -175,8 +175,8 @@ class Timed(NamedTuple):
 def choose_timing(fit: Fit, ratios: Vector, prepared: Prepared, sought: Sought, drive: Driver) -> Timed:
     """The forms of the model, and a delay or the places of edges if the evidence is for it.
 
-    Both look much like eddy currents.  They are tried where the form that is taken has some, or leaves something that
-    they explain; never where eddy currents must not be sought, for they would be taken for a delay.
+    Both look much like eddy currents.  They are tried if the chosen form has some, or leaves a residual that they
+    explain. They are never tried where eddy currents must not be sought, because these would pass as a delay.
     """
     without = Timed(prepared, choose_form(fit, ratios, prepared.firsts, sought), drive.fitted)
     best, firsts = last_taken(without.trials), prepared.firsts

@@ -1,22 +1,23 @@
 """Standard errors and correlations of the identified parameters, from the Jacobian of the residuals.
 
-The textbook formula s^2 (J'J)^-1 takes all residuals for independent.  Here they are not: by (21) and (51) the residual
-of the flux linkage is the integral of that of the current, -R times it, so that it weights slow errors and adds no
-information; the resistances of (23) come from the same currents; and noise of the voltage, which drives the model,
-returns in the current smoothed by L/R.  To first order every estimate is a weighted sum of the residuals of the
+The textbook formula s^2 (J'J)^-1 assumes that all residuals are independent. Here they are not. By (21) and (51) the
+residual of the flux linkage is -R times the integral of that of the current: it weights slow errors and adds no
+information. The resistances of (23) come from the same currents. And noise of the voltage, which drives the model,
+returns in the current, smoothed by L/R. To first order every estimate is a weighted sum of the residuals of the
 current, and the variance of that sum follows from their autocovariance, tapered (Newey and West 1987).
 
-Where a core stays magnetised, the resistance of an operation is (V - d) / C, with the sum V of its voltage, the sum C
-of its current and the flux linkage d that stays afterwards, which the model tells.  So an error of the parameters
-returns through the resistances, by a third larger for the valve with hysteresis of a few percent.
+Where a core stays magnetised, the resistance of an operation is (V - d) / C: V is the sum of its voltage, C that of its
+current, and d the flux linkage that stays afterwards by the model. So an error of the parameters returns through the
+resistances. It is larger by a third for the valve with hysteresis of a few percent.
 
-The residual cannot tell what the parameters have taken of a cause that the model does not know.  Two things can: how
-much of the residual each known cause explains, with the parameters free, and so how far it moves them; and the
-correlation that a misfit of the size of the residual would need to move a parameter most.
+A cause that the model lacks may hide in the parameters, and the residual does not show that part. Two things bound it.
+One is how much of the residual each known cause explains with the parameters free, and so how far it moves them. The
+other is the correlation that a misfit of the size of the residual would need to move a parameter most.
 
-What was given is as certain as `--accuracy` says.  What was assumed may be off by a factor, too much for derivatives:
-so the fit is repeated with the value one standard error off, to both sides, or as far off as the records allow.  They
-tell no stroke from another one, but something of the relaxed gap of a spring, say, which bends the motion.
+What was given is as certain as `--accuracy` says.  What was assumed may be off by a factor, which is too much for
+derivatives. So the fit is repeated with the value one standard error off, to both sides, or as far off as the records
+allow. Records say nothing about the stroke, for example, but something about the relaxed gap of a spring, which bends
+the motion.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ class Linear(NamedTuple):
 
     fitted: Matrix  # slopes of the residuals (residuals, fitted)
     inverse: Matrix  # what is fitted, from minus the residuals (fitted, residuals)
-    believed: Matrix  # the same, from what is believed of the places of edges, in their deviations (fitted, fitted)
+    believed: Matrix  # likewise, from the believed places of edges, in their deviations (fitted, fitted)
     feedback: Matrix  # what becomes of that by `balance` (fitted, fitted)
     resistance: Vector  # slopes of its logarithm (fitted,)
     others: Slopes  # by the causes that are not fitted
@@ -157,22 +158,22 @@ def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names:
 
 
 def reach(slopes: Matrix, r: Vector) -> Vector:
-    """How far to each side derivatives are taken: by as much as changes the residuals as the noise of one does.
+    """How far to each side derivatives are taken: so far that the residuals change by as much as the noise of one.
 
-    Where the mover arrives at a sample, slopes jump; differences to one side only, for which it then arrives later in
-    some columns and earlier in others, would tell parameters apart that no record does.
+    Where the mover arrives at a sample, slopes jump. With differences to one side only it would arrive later in some
+    columns and earlier in others, which would tell parameters apart that no record does.
     """
     return np.asarray(np.clip(rms(r) / np.maximum(np.linalg.norm(slopes, axis=0), TINY), *REACH))
 
 
 def scales(experiments: Sequence[Experiment], names: Sequence[str]) -> dict[str, float]:
-    """What is large of each cause, in its unit."""
+    """A large value of each cause, in its unit."""
     found = [signals(e) for e in experiments]
     return {name: min(cause(name).scale(s) for s in found) for name in names}
 
 
 def signals(experiment: Experiment) -> Signals:
-    """Of an experiment."""
+    """The signals of an experiment that causes change."""
     R = mean_resistance(experiment)
     return Signals(
         halves=experiment.halves, current=experiment.current, dt=experiment.dt, resistance=R, first=experiment.first
@@ -193,9 +194,10 @@ def _ratio(experiment: Experiment, inside: slice) -> float:
 
 
 def feedback(inverse: Matrix, form: Form, ratios: Vector, experiments: Sequence[Experiment]) -> Matrix:
-    """What becomes of errors x of what is fitted, first the parameters, in the end: y = x - A B y, with `inverse` A.
+    """Matrix from errors x of all that is fitted, parameters first, to what they end as: y = x - A B y, with `inverse`
+    A.
 
-    B has the derivatives of the weighted residuals by parameters that only balance the resistances.
+    B are derivatives of the weighted residuals where parameters change nothing but the balance of the resistances.
     """
     one, par = np.eye(len(inverse)), form.at(ratios)
     if FACTOR not in form.fitted:
@@ -213,9 +215,9 @@ def feedback(inverse: Matrix, form: Form, ratios: Vector, experiments: Sequence[
 def influences(
     form: Form, ratios: Vector, experiments: Sequence[Experiment], at: Linear
 ) -> list[list[tuple[Matrix, Vector]]]:
-    """Of each experiment its signals, current and perhaps position: what each residual does, and these residuals.
+    """For the current of each experiment, and its position if fitted: the effect of each residual, and these residuals.
 
-    It changes what is fitted, the values of the other causes and, last, the logarithm of the resistance.
+    The effect is on what is fitted, on the values of the other causes and, last, on the logarithm of the resistance.
     """
     A, ends = np.vstack([at.feedback @ at.inverse, at.rows]), np.cumsum([e.size for e in experiments])
     parts, total = np.split(A, ends[:-1], axis=1), sum(charge(e) for e in experiments)
@@ -273,7 +275,7 @@ SIGNIFICANT = 4.0  # standard errors from which on a cause counts
 
 
 class Share(NamedTuple):
-    """What a cause has of a residual, the parameters being free to follow it."""
+    """How much of a residual a cause explains while the parameters are free to follow it."""
 
     value: float  # that explains most
     error: float  # its standard error
@@ -356,13 +358,13 @@ def uncertainty(
 ) -> Uncertainty:
     """Standard errors at the minimum `ratios` of the cost; `fitted` causes have been taken out of the experiments.
 
-    The places of edges are the last of these; their errors are in those of all else, but not told.
+    The places of edges are the last of these. Their errors count in those of all else, but are not reported.
     """
     doubts = doubts or Doubts()
     hidden = [n for n, x in doubts.causes.items() if x and n not in fitted and (n in HIDDEN or is_place(n))]
     known = (*fitted, *["eddy"] * ("core_eddy" in form.fitted))
     if all(o.held for e in experiments for o in e.operations):
-        known = (*known, "series")  # which nothing tells from the coil's while this is on all the time
+        known = (*known, "series")  # which cannot be told from the coil's while this is on all the time
     others = [*(c for c in CAUSES if c not in known), *hidden]
     sizes = scales(experiments, [*fitted, *others])
     at = linearise(form, ratios, experiments, fitted, others, is_wide=True)
@@ -388,16 +390,28 @@ def uncertainty(
         k, samples = form.fitted.index(FILTER), float(value_of(form.at(ratios), FILTER)) / experiments[0].dt
         shift = min(1.0, 0.5 * SPREAD / samples**2) * cov[:, k] / cov[k, k]
         cov = cov + np.outer(shift, shift)
-    T, names, causes = select_reported(form, fitted), [*form.fitted], [name for name in fitted if not is_place(name)]
-    told, kept = T @ cov @ T.T, parameters_of(form)
+    return _report(form, fitted, cov, at.lost, sizes, shares)
+
+
+def _report(
+    form: Form,
+    fitted: Sequence[str],
+    cov: Matrix,
+    lost: npt.NDArray[np.bool_],
+    sizes: Mapping[str, float],
+    shares: Mapping[str, Share],
+) -> Uncertainty:
+    """Take what is reported from the covariance of all that is fitted; `lost` numbers have no effect."""
+    T, causes, kept = select_reported(form, fitted), [n for n in fitted if not is_place(n)], parameters_of(form)
+    told = T @ cov @ T.T
     std: Vector = np.sqrt(np.diag(told))
     scale, count = np.where(std > 0.0, std, 1.0), len(kept)
     return Uncertainty(
-        relative=np.append(np.where(at.lost[kept], np.inf, std[:count]), std[count]),
+        relative=np.append(np.where(lost[kept], np.inf, std[:count]), std[count]),
         correlation=told / np.outer(scale, scale),
         shape={
-            name: float(np.inf if at.lost[k] else np.sqrt(cov[k, k]))
-            for k, name in enumerate(names)
+            name: float(np.inf if lost[k] else np.sqrt(cov[k, k]))
+            for k, name in enumerate(form.fitted)
             if name.startswith(SHAPE)
         },
         causes={name: float(s * sizes[name]) for name, s in zip(causes, std[count + 1 :])},

@@ -270,7 +270,7 @@ def fit_valve(
     others: list[Found] = []
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
         at, *others = _with_edges(fit, at, _forms(known, at.form, _beside(sought, beginning.trials)), drive.fitted)
-    others += [*_nearly_taken(fit, at, beginning.trials), *_timed_otherwise(fit, at, beginning.others)]
+    others += [*_nearly_taken(fit, at, beginning.trials), *_fit_other_delay(fit, at, beginning.others)]
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
@@ -302,7 +302,7 @@ def _nearly_taken(fit: Fit, at: Found, trials: Sequence[Trial]) -> list[Found]:
     return ends
 
 
-def _timed_otherwise(fit: Fit, at: Found, others: Sequence[Timed]) -> list[Found]:
+def _fit_other_delay(fit: Fit, at: Found, others: Sequence[Timed]) -> list[Found]:
     """The minima, for all operations, with another delay, or none, and the form that goes with it."""
     ends = list[Found]()
     for other in others:
@@ -441,21 +441,22 @@ def _minimise(fit: Fit, ratios: Vector, prepared: Prepared, causes: Sequence[str
     experiments = prepared.experiments
     if has_hysteresis := FACTOR in fit.form.fitted:
         experiments = [balance(fit.form, ratios, e) for e in experiments]
-        ratios = fit.form.reset_factor(ratios)
-        ends = [fit.least_squares(start, experiments) for start in (ratios, fit.form.reset_turnover(ratios))]
+        ratios = fit.form.reset(ratios, FACTOR)  # which the resistances have taken now
+        others = fit.form.reset(ratios, "core_turnover")  # the minimum of the turnover may be a false one
+        ends = [fit.least_squares(start, experiments) for start in (ratios, others)]
         ratios = min(ends, key=partial(fit.cost, experiments=experiments))
     for size in SIZES[-1:] * MOST if has_hysteresis else SIZES:
         value = partial(fit.cost, experiments=experiments)
         ratios = search(value, ratios, size).x if is_searched else fit.least_squares(ratios, experiments)
         before, experiments = experiments, fit.balance_experiments(ratios, experiments)
-        ratios = fit.form.reset_factor(ratios)
+        ratios = fit.form.reset(ratios, FACTOR)
         if all(np.allclose(a.resistance, b.resistance, rtol=AT_REST, atol=0.0) for a, b in zip(before, experiments)):
             break
     for _ in range(ROUNDS if causes else 0):
         step = correction(fit, ratios, experiments, causes, prepared.places)
         prepared = prepared.move_causes(step.causes)
         experiments = fit.balance_experiments(step.ratios, prepared.experiments)
-        ratios = fit.least_squares(fit.form.reset_factor(step.ratios), experiments)
+        ratios = fit.least_squares(fit.form.reset(step.ratios, FACTOR), experiments)
         if step.is_small:
             break
     return Found(form=fit.form, ratios=ratios, experiments=experiments, prepared=prepared, causes=causes)

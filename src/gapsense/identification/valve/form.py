@@ -131,13 +131,9 @@ class Form(NamedTuple):
         """On the resistances."""
         return float(np.exp(ratios[self.fitted.index(FACTOR)])) if FACTOR in self.fitted else 1.0
 
-    def reset_factor(self, ratios: Vector) -> Vector:
-        """Reset the factor on the resistances, once they have taken it."""
-        return np.where([name == FACTOR for name in self.fitted], 0.0, ratios)
-
-    def reset_turnover(self, ratios: Vector) -> Vector:
-        """Reset the turnover to its first guess, since its minimum may be a false one."""
-        return np.where([name == "core_turnover" for name in self.fitted], 0.0, ratios)
+    def reset(self, ratios: Vector, parameter: str) -> Vector:
+        """Reset one parameter to its first guess."""
+        return np.where([name == parameter for name in self.fitted], 0.0, ratios)
 
     @property
     def start(self) -> Vector:

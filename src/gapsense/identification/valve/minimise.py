@@ -281,17 +281,14 @@ def best_reading(fit: Fit, ratios: Vector, readings: Sequence[list[First]], soug
     Eddy currents too act where the voltage jumps, and the best reading without them may be a wrong one: each is tried
     with the first of the larger forms.
     """
-    found = [_fit_reading(fit, ratios, firsts) for firsts in readings]
+    starts = [fit.least_squares(ratios, [first.experiment for first in firsts]) for firsts in readings]
+    found = [try_form(fit, start, firsts) for start, firsts in zip(starts, readings)]
     best = int(np.argmin([t.cost for t in found]))
     forms = larger(fit.form, sought)
     if forms and not is_quiet(found[best], readings[best]):
         others = [try_larger(fit, forms[:1], t, firsts)[0] for t, firsts in zip(found, readings)]
         best = int(np.argmin([t.cost for t in others]))
     return best, found[best].ratios
-
-
-def _fit_reading(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:
-    return try_form(fit, fit.least_squares(ratios, [first.experiment for first in firsts]), firsts)
 
 
 EXPANSION, CONTRACTION = 2.0, 0.5

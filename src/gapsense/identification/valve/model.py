@@ -278,8 +278,8 @@ def weight(experiment: Experiment, model: Response | Trajectory) -> Matrix:
 def balance(form: Form, ratios: Vector, experiment: Experiment, current: Vector | None = None) -> Experiment:
     """The experiment with resistances for which model and measurement have the same charge in every operation.
 
-    The model obeys sum(v) = R integral(i*) over a period, so that this is (23) without the error of the trapezoids:
-    0.02 % of R for a valve sampled every 50 us, which would bias the other parameters by more than noise does.
+    The model obeys sum(v) = R integral(i*) over a period, so this is (23) without the error of the trapezoids. That
+    error is 0.02 % of R for a valve sampled every 50 us, and would bias the other parameters by more than noise does.
     """
     modelled = simulate_currents([form.at(ratios)], experiment)[0] if current is None else current
     charges = [trapezoid(i) for i in (modelled, experiment.current)]

@@ -301,7 +301,17 @@ def resistances(result: Identified, records: Sequence[Record]) -> Table:
 
 
 def remarks(result: Identified) -> list[str]:
-    """Sentences: how the minimum was found, what the records do not tell."""
+    """Sentences: how the minimum was found, how well it explains the records, and what these do not tell."""
+    return [
+        *_describe_search(result),
+        *_describe_readings(result),
+        *_describe_residuals(result),
+        *_describe_undetermined(result),
+    ]
+
+
+def _describe_search(result: Identified) -> list[str]:
+    """How the minimum was found."""
     said = [f"J = {result.cost:.4g} after {result.evaluations} simulations."]
     if result.starts:
         best = min(start.cost for start in result.starts)
@@ -311,8 +321,12 @@ def remarks(result: Identified) -> list[str]:
         said.append(f"{agreeing} of {len(result.starts)} starts found this minimum{others}.")
     else:
         said.append("The multi-directional search converges slowly: compare with `--starts 1`.")
-    if result.convention:
-        said.append(f"The voltage between two samples is best read as `{result.convention}`.")
+    return said
+
+
+def _describe_readings(result: Identified) -> list[str]:
+    """How the voltage and the current of the records were read."""
+    said = [f"The voltage between two samples is best read as `{result.convention}`."] if result.convention else []
     said += [result.slow] if result.slow else []
     if result.places:
         said.append(
@@ -321,17 +335,24 @@ def remarks(result: Identified) -> list[str]:
         )
     if filtered := float(getattr(result.parameters, FILTER, 0.0)):
         said.append(FILTERED.format(quantity(0.5 / np.pi / filtered, "Hz")))
-    said += [PWM.format(c.samples, quantity(c.doubt, "V")) for c in result.carriers[:1]]
-    for r in result.residuals:
-        said.append(verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")))
+    return said + [PWM.format(c.samples, quantity(c.doubt, "V")) for c in result.carriers[:1]]
+
+
+def _describe_residuals(result: Identified) -> list[str]:
+    """How well the model explains the records, and which other models do."""
+    said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A")) for r in result.residuals]
     said += explanations(result)
     said += [ALIKE.format("; ".join(result.alike))] if result.alike else []
     noise = max(r.noise / float(np.abs(m.current).max()) for r, m in zip(result.residuals, result.models))
     unseen = {name for t in result.trials for name in t.form.added} & {"eddy", "hysteresis"} - {*result.form.added}
     if result.is_explained and unseen and noise > LOUD:
         said.append(UNSEEN.format(" and ".join(sorted(unseen)), 100.0 * noise))
-    if result.is_unsaturated:
-        said.append(UNSATURATED)
+    return said
+
+
+def _describe_undetermined(result: Identified) -> list[str]:
+    """Which parameters the records do not determine, or not apart."""
+    said = [UNSATURATED] if result.is_unsaturated else []
     for name in [n for n in result.at_bounds if not (n == "core_saturation" and result.is_unsaturated)]:
         said.append(
             f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess, so"

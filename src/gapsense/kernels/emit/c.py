@@ -213,7 +213,7 @@ typedef double real;
         """Let values stand in the state, if the function changes one."""
         state = self.state()
         if len(state) > FEW and len(self.graph.results) > 1:
-            self.cells = Cells(self).found(state, self.graph.results[0][1], self.is_whole)
+            self.cells = Cells(self).find_cells(state, self.graph.results[0][1], self.is_whole)
             self.cell_texts = {self.text[symbol.id] for symbol in state}
 
     def state(self) -> list[Expr]:

@@ -82,7 +82,7 @@ class Cells:
             if user is not None and self.printer.may_be_inline(user):
                 yield from self._uses(_value(user))
 
-    def found(self, state: list[Expr], results: list[Any], is_whole: Callable[[Any], bool]) -> dict[Value, Expr]:
+    def find_cells(self, state: list[Expr], results: list[Any], is_whole: Callable[[Any], bool]) -> dict[Value, Expr]:
         """Of values that `if` nodes give, and that can stand in the state, the symbol of the state where they do.
 
         Whole numbers, as which truth values are kept too, cannot.

@@ -83,7 +83,7 @@ class Lanes(C):
         self._open(f"if (any({yes})) {{", yes)
         self.region(regions[0])
         for target, kind, value in zip(targets, types, map(self.bare, a)):
-            self.write(f"{target} = {self._chosen(kind, condition, value, target)};")
+            self.write(f"{target} = {self._choose(kind, condition, value, target)};")
         self._close()
 
     def _open(self, line: str, taken: str) -> None:
@@ -95,7 +95,7 @@ class Lanes(C):
         self.depth -= 1
         self.write("}")
 
-    def _chosen(self, kind: str, condition: str, a: str, b: str) -> str:
+    def _choose(self, kind: str, condition: str, a: str, b: str) -> str:
         return f"choose{'_truth' * (kind == self.truth)}({condition}, {a}, {b})"
 
     def _repeat(self, loop: Loop) -> None:
@@ -107,7 +107,7 @@ class Lanes(C):
         self.region(loop.body)
         self.write(f"{busy} &= ~{self.ref(loop.stop)};")
         for target, start, value in zip(loop.targets, loop.starts, loop.new):
-            chosen = self._chosen(self.type_of(start), "taken", self.bare(value), target)
+            chosen = self._choose(self.type_of(start), "taken", self.bare(value), target)
             self.write(f"const {self.type_of(start)} next_{target} = {chosen};")
         for target in loop.targets:
             self.write(f"{target} = next_{target};")

@@ -60,12 +60,12 @@ class Choosing(Printer):
         self.depth += 1
         self.region(region)
         for target, value in zip(targets, values):
-            for kept in self._kept([value]):
+            for kept in self._find_kept([value]):
                 self._print(kept)
             self.assign([target], [value])
         self.depth -= 1
 
-    def gathered(self, c: Any) -> tuple[list[str], list[Any], list[Any]]:
+    def gather(self, c: Any) -> tuple[list[str], list[Any], list[Any]]:
         """Names of all choices on a condition that can be printed by now, and the operands for both cases."""
         group = self._ready(c.id) if isinstance(c, Expr) else []
         targets = [self.fresh("c") for _ in group]
@@ -104,7 +104,7 @@ class Choosing(Printer):
                 if self._is_worth_a_branch(self._ready(choice.args[0].id)):
                     self._branch(choice.args[0], (Region(), Region()), [], [], [])
                 else:
-                    for value in (*self._kept(choice.args), choice):
+                    for value in (*self._find_kept(choice.args), choice):
                         self._print(value)
 
     def _in_order(self, wanted: Iterable[Expr]) -> list[Expr]:
@@ -120,7 +120,7 @@ class Choosing(Printer):
 
     def _is_worth_a_branch(self, group: list[Expr]) -> bool:
         """By what the condition costs to ask again, and a name for what could do without."""
-        kept = [*self._kept(value for choice in group for value in choice.args)]
+        kept = [*self._find_kept(value for choice in group for value in choice.args)]
         inline = sum(self.uses[choice.id] == 1 and choice.id not in self.far for choice in group)
         return 5 * (len(group) - 1) > 4 * inline or len(kept) >= MANY or any(self.uses[v.id] > 1 for v in kept)
 
@@ -134,10 +134,10 @@ class Choosing(Printer):
 
     def _missing(self, choice: Expr) -> list[Expr]:
         """What a choice, and what only one of its sides needs, read of values that are not printed yet."""
-        read = [*choice.args, *(value for kept in self._kept(choice.args) for value in kept.args)]
+        read = [*choice.args, *(value for kept in self._find_kept(choice.args) for value in kept.args)]
         return [v for v in read if isinstance(v, Expr) and v.id not in self.text and v.id not in self.choices.sides]
 
-    def _kept(self, values: Iterable[Any]) -> list[Expr]:
+    def _find_kept(self, values: Iterable[Any]) -> list[Expr]:
         """Those of some values, and of what they are made from, that were kept for one side; in order."""
         found: dict[int, Expr] = {}
         pending = [*values]
@@ -192,7 +192,7 @@ from math import floor, frexp, inf, ldexp, nan, sqrt
         return "\n\n".join([cls.head, *own, *functions])
 
     def _branch(self, c: Any, regions: tuple[Region, Region], targets: list[str], a: list[Any], b: list[Any]) -> None:
-        names, chosen, others = self.gathered(c)
+        names, chosen, others = self.gather(c)
         self.block(f"if {self.bare(c)}:", regions[0], [*targets, *names], [*a, *chosen])
         self.block("else:", regions[1], [*targets, *names], [*b, *others])
 
@@ -253,8 +253,8 @@ def compile_graph(graph: Graph) -> Callable[..., Any]:
 # Few names for many values: in generated Python a name is used again once its value is no longer needed.
 #
 # CPython clears all local variables of a function at every call, and may have to map memory for them: a thousand cost
-# more than the arithmetic. What is done here is what compilers do with registers: find which values live at the same
-# time, unite both sides of copies that do not, and give each value the first name that none living with it has.
+# more than the arithmetic. This is what compilers do with registers. Find which values live at the same time, unite
+# both sides of copies that do not, and give each value the first name that no value living with it has.
 
 
 def rename_values(lines: Sequence[str]) -> list[str]:

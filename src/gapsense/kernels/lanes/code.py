@@ -96,9 +96,9 @@ class Code:
         """The results for some rows."""
         entries = [entry for row in rows for entry in row]
         record = next((entry.record for entry in entries if isinstance(entry, Value)), None)
-        return self._recorded(record, entries) if record else self.python(*rows)
+        return self._record(record, entries) if record else self.python(*rows)
 
-    def _recorded(self, record: Record, entries: Sequence[Any]) -> Any:
+    def _record(self, record: Record, entries: Sequence[Any]) -> Any:
         taken, made = [record.value(entry) for entry in entries], list[Value]()
 
         def value(origin: Origin) -> Value:

@@ -97,17 +97,17 @@ def plan_steps(kernel: Kernel, given: Mapping[str, int], samples: Sequence[Sampl
     inputs, (state, made) = [Value(record) for _ in first], over.initial(first, par)
     after, found = over.advance(state, inputs, over.constants(par))
     begin, *prepare, step = record.calls
-    writer = _Writer(record, columns_with(record, sizes), dict(zip((*after, *found), (*state, *made))))
+    writer = _FixedPlaces(record, columns_with(record, sizes), dict(zip((*after, *found), (*state, *made))))
     writer.needed = {value for call in record.calls for value in call.taken} | {made[k] for k in outputs}
 
     def kept(sample: int) -> Iterator[Step]:
         for row, k in enumerate(outputs, sample * len(outputs)):
             yield KEEP, [writer.columns[KEPT], row, writer.place(made[k])]
 
-    steps = [*writer.taken(begin), writer.called(begin), *kept(0)]
-    steps += [each for call in prepare for each in (*writer.taken(call), writer.called(call))]
-    steps += writer.taken(step)
-    again, constants = writer.called(step), [writer.called(call) for call in prepare]
+    steps = [*writer.take_all(begin), writer.call(begin), *kept(0)]
+    steps += [each for call in prepare for each in (*writer.take_all(call), writer.call(call))]
+    steps += writer.take_all(step)
+    again, constants = writer.call(step), [writer.call(call) for call in prepare]
     for k, sample in enumerate(samples[1:], 1):
         if sample.par:
             steps += [writer.take(par[0].column, sample.par, par[0]), *constants]
@@ -119,7 +119,7 @@ def plan_steps(kernel: Kernel, given: Mapping[str, int], samples: Sequence[Sampl
     return Plan(record, sizes, [made[k] for k in outputs] * len(samples), program)
 
 
-class _Writer:
+class _FixedPlaces:
     """Gives each value a place of its own, and those of the next step the places of this one."""
 
     def __init__(self, record: Record, columns: Sequence[str], same: Mapping[Value, Value]) -> None:
@@ -136,9 +136,9 @@ class _Writer:
     def take(self, column: str, row: int, value: Value) -> Step:
         return TAKE, [self.columns[column], row, self.place(value)]
 
-    def taken(self, call: Call) -> list[Step]:
+    def take_all(self, call: Call) -> list[Step]:
         """What a call takes of columns."""
         return [self.take(v.column, v.row, v) for v in dict.fromkeys(call.taken) if v.column and v.row != WHOLE]
 
-    def called(self, call: Call) -> Step:
+    def call(self, call: Call) -> Step:
         return OWN + self.codes.index(call.code), [*map(self.place, (*call.taken, *call.made))]

@@ -3,7 +3,7 @@
 No compiler is required: if there is none, or if it fails, `loaded` says so once and returns None.
 
 What is loaded runs with the rights of the user. So the cache is a folder that nobody else can write, and the name of a
-file in it holds a hash of its content: a file that was cut, changed or exchanged is compiled again.
+file in it holds a hash of its content. A file that was cut, changed or exchanged is compiled again.
 """
 
 from __future__ import annotations

@@ -196,7 +196,7 @@ def program(record: Record, given: Sequence[str], kept: Sequence[Value]) -> Prog
     """The program of recorded calls, for the columns that are given and the values to keep."""
     columns = columns_with(record, given)
     codes = list(dict.fromkeys(call.code for call in record.calls))
-    writer = _Writer(record, kept, columns, codes)
+    writer = _ReusedPlaces(record, kept, columns, codes)
     return Program([*writer.steps()], columns, codes, writer.room)
 
 
@@ -205,7 +205,7 @@ def columns_with(record: Record, given: Iterable[str]) -> list[str]:
     return [NUMBERS, *given, *record.tables, *record.memories, KEPT]
 
 
-class _Writer:
+class _ReusedPlaces:
     """Goes through the calls and gives places."""
 
     def __init__(self, record: Record, kept: Sequence[Value], columns: list[str], codes: list[Code]) -> None:
@@ -224,21 +224,21 @@ class _Writer:
         """All steps: what is given is taken before its first use, and results are kept as soon as they are made."""
         for k, call in enumerate(self.calls):
             for value in call.taken:
-                yield from self._taken(value)
+                yield from self._take(value)
             taken = [self._place(value) for value in call.taken]
             self._release(value for value in dict.fromkeys(call.taken) if self.last[value] == k)
             yield self.functions[call.code], [*taken, *map(self._new, call.made)]
             for value in call.made:
-                yield from self._kept(value)
+                yield from self._keep(value)
         for value in [value for value in self.rows if value.column]:  # given, and kept as it is
-            yield from self._taken(value)
-            yield from self._kept(value)
+            yield from self._take(value)
+            yield from self._keep(value)
 
-    def _taken(self, value: Value) -> Iterator[Step]:
+    def _take(self, value: Value) -> Iterator[Step]:
         if value.column and value.row != WHOLE and value not in self.places:
             yield TAKE, [self.columns[value.column], value.row, self._new(value)]
 
-    def _kept(self, value: Value) -> Iterator[Step]:
+    def _keep(self, value: Value) -> Iterator[Step]:
         for row in self.rows.get(value, []):
             yield KEEP, [self.columns[KEPT], row, self.places[value]]
         if value not in self.last:

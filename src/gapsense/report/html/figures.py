@@ -113,7 +113,7 @@ def box(event: Event, factor: float) -> Any:
 
 
 class Entry(NamedTuple):
-    """A curve in the legend of a figure; its renderers have the name `key`, nothing has that of one without."""
+    """A curve in the legend of a figure; its renderers, if it has any, have the name `key`."""
 
     key: str
     label: str
@@ -149,7 +149,7 @@ def panel(of: Panel, axes: Axes, key: str) -> Drawn:
 
 
 def few(shown: int, rows: int) -> str:
-    """What is said where not all rows of a record are drawn."""
+    """A remark, if not all rows of a record are drawn."""
     return f"{shown} of {rows} points, least and greatest of each piece" if shown < rows else ""
 
 

@@ -63,7 +63,7 @@ def read_all(files: Sequence[Path]) -> list[Shown | Many]:
 
 
 def read(file: Path, problems: list[str]) -> Shown | Many | None:
-    """One saved result, sweep or campaign, or None after noting why it is none."""
+    """One saved result, sweep or campaign; None if it is not, after noting why."""
     if sentence := other_kind(file, REPORTED) or no_result(file):
         problems.append(sentence)
         return None
@@ -89,7 +89,7 @@ def no_result(file: Path) -> str:
 
 
 def scenario_of(result: Result) -> tuple[Scenario | None, str]:
-    """The scenario that ran, or why it is not to be had: its metrics tell what is compared, its baseline the tubes."""
+    """The scenario that ran, or why it cannot be used: its metrics say what is compared, its baseline the tubes."""
     run = result.run
     if not run.source or not Path(run.source).is_file():
         return None, f"The scenario's file is not where it was: {ALONE}"
