@@ -13,7 +13,8 @@ FOLLOWED, GAINS = 0.1e-3, (0.5, 1.5)  # time in which the gain of the bridge is 
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]
-DRIFTS = 9.0  # errors by noise that a change of the resistance is larger than
+DRIFTS = 9.0  # errors by noise: two changes of the resistance that are larger are a drift
+TREND = 0.1  # of a mean with a noisy current: part of its change that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
 DRIVEN, RAISED = 0.9, 1.2  # current of an ordinary closing: at least, of the usual one; after one that did not close
 OPEN, AFLOAT = 1.3, 0.8  # of the flux linkage that balances the spring of the open actuator; where the current changes
@@ -236,7 +237,12 @@ def learn_resistance(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scal
     start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
     new = _follow_resistance(coil, R, where(is_noisy, slow, 1.0), par)
     start = where(is_open, start, coil.flux - (new.measured - coil.resistance) * coil.charge)
-    return _restart_sums(new, start)._replace(remanence=start, balanced=new.measured)
+    slowly = coil.trend + TREND * ((new.measured - coil.measured) - coil.trend)
+    trend = where(is_noisy & (cycles > YOUNG), slowly, 0.0)
+    ahead = where(new.resistance == new.measured, trend, 0.0)
+    return _restart_sums(new, start)._replace(
+        resistance=new.resistance + ahead, trend=trend, remanence=start, balanced=new.measured
+    )
 
 
 def _follow_resistance(coil: Coil, R: Scalar, share: Scalar, par: Parameters) -> Coil:
@@ -315,9 +321,8 @@ def shift_flux(coil: Coil, change: Scalar) -> Coil:
 def average_top(coil: Coil, is_noisy: Scalar, par: Parameters) -> Coil:
     """Average the flux linkage at the end of soft closings, which is nearly the same each time."""
     off = coil.flux - coil.top
-    drifts = not_(coil.resistance == coil.measured)
     is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART * wandering(coil, par))
-    top = where(is_near, coil.top + where(is_noisy & not_(drifts), STEADIER, TOP) * off, coil.flux)
+    top = where(is_near, coil.top + where(is_noisy, STEADIER, TOP) * off, coil.flux)
     return coil._replace(top=top, shift=top - coil.flux, flux=top)
 
 

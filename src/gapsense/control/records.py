@@ -237,6 +237,7 @@ class Coil(NamedTuple):
     measured: Scalar  # that of the last cycle
     found: Scalar  # the same, by that cycle alone
     step: Scalar  # change of that since the cycle before
+    trend: Scalar  # change per cycle of a mean with a noisy current
     held_voltage: Scalar  # means of late
     held_current: Scalar
     late_current: Scalar  # the same over a longer time
