@@ -13,7 +13,7 @@ FOLLOWED, GAINS = 0.1e-3, (0.5, 1.5)  # time in which the gain of the bridge is 
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]
-DRIFTS = 9.0  # errors by noise: two changes of the resistance that are larger are a drift
+DRIFTS = 4.5  # errors by noise: where two changes of the resistance are larger it drifts
 TREND = 0.1  # of a mean with a noisy current: part of its change that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
 DRIVEN, RAISED = 0.9, 1.2  # current of an ordinary closing: at least, of the usual one; after one that did not close
@@ -249,14 +249,14 @@ def _follow_resistance(coil: Coil, R: Scalar, share: Scalar, par: Parameters) ->
     """Follow the resistance of a cycle: by a share, or at once and ahead where it drifts.
 
     It drifts if the last two changes have one direction and are more than noise; the smaller one is expected again. No
-    step, and no noise of a coil that keeps its temperature, is taken for a drift then.
+    step, and no noise of a coil that keeps its temperature, is taken for a drift then. Of a large noise some would be.
     """
     change, before = R - coil.found, coil.step
     smaller = where(fabs(change) < fabs(before), change, before)
     least = HOLDS * usual_current(par) * par.closing_travel
     charge = where(coil.charge > least, coil.charge, least)
     noise = coil.resistance * coil.noise * sqrt(par.sample_time / (usual_current(par) * charge))
-    drifts = (change * before > 0.0) & (fabs(change + before) > DRIFTS * noise)
+    drifts = is_quiet(coil, par) & (change * before > 0.0) & (fabs(smaller) > DRIFTS * noise)
     measured = where(drifts, R, coil.resistance + share * (R - coil.resistance))
     ahead = where(drifts, smaller, 0.0)
     return coil._replace(resistance=measured + ahead, measured=measured, found=R, step=change)
