@@ -19,53 +19,67 @@ from gapsense.cli import start
 from gapsense.cosim import load
 
 NATIVE = ROOT / "build" / "native"  # FMUs with the bits of the Python ones, in half the time of a figure
-STUDIES = {  # what a study draws with which options, and its file; studies that print tables only are not here
-    "ukf-noise --seeds 2": ("Errors of the bounded UKF over the noise, [UKF] Fig. 8", "ukf_noise.png"),
-    "faults": ("Faults of the current sensor, and what three estimators do with them", "faults.png"),
-    "hybrid-ekf --seeds 10": (
-        "Deviations of the hybrid Kalman filter over the noise, [HEKF] Figs. 8 to 11",
-        "hybrid_ekf_consistent_noise.png",
-    ),
-    "measuring --seeds 0": ("A good record of a valve", "measuring_good.png"),
-    "observability-rts": ("Samples that make the state observable, [RTS] Fig. 6", "observability_rts.png"),
-    "reference-cycle": ("The cycle with soft landing of [RTS] Fig. 5", "reference_cycle.png"),
-    "monte-carlo --runs 100": ("Errors of filter and smoother over wrong parameters, [RTS] Fig. 9", "monte_carlo.png"),
-    "consistency --runs 200": ("Errors of the smoother against its covariances, [RTS] Fig. 8", "consistency_nees.png"),
-    "run-to-run --runs 8 --cycles 12 --conditions plain --laws contact,model": (
-        "Soft landing from cycle to cycle, eight valves that nobody knows",
-        "run_to_run_plain_speeds.png",
-    ),
-}
 
 
 class Entry(NamedTuple):
-    """A picture: what it shows, the words of its command after `gapsense`, and its place in the site."""
+    """A picture, and the command that draws it."""
 
     title: str
-    command: str
-    place: str
+    command: str  # words after `gapsense`
+    place: str  # in the site
+    is_file: bool = False  # `--out` of the command is the picture, not a folder
+    takes_fmus: bool = False
+
+
+STUDIES = [  # with the options for their pictures; studies that print tables only are not here
+    Entry("Errors of the bounded UKF over the noise, [UKF] Fig. 8", "ukf-noise --seeds 2", "ukf_noise.png"),
+    Entry(
+        "Faults of the current sensor, and what three estimators do with them", "faults", "faults.png", takes_fmus=True
+    ),
+    Entry(
+        "Deviations of the hybrid Kalman filter over the noise, [HEKF] Figs. 8 to 11",
+        "hybrid-ekf --seeds 4",
+        "hybrid_ekf_consistent_noise.png",
+    ),
+    Entry("A good record of a valve", "measuring --seeds 0", "measuring_good.png"),
+    Entry(
+        "Samples that make the state observable, [RTS] Fig. 6",
+        "observability-rts",
+        "observability_rts.png",
+        is_file=True,
+    ),
+    Entry("The cycle with soft landing of [RTS] Fig. 5", "reference-cycle", "reference_cycle.png", is_file=True),
+    Entry(
+        "Errors of filter and smoother over wrong parameters, [RTS] Fig. 9", "monte-carlo --runs 50", "monte_carlo.png"
+    ),
+    Entry(
+        "Errors of the smoother against its covariances, [RTS] Fig. 8", "consistency --runs 100", "consistency_nees.png"
+    ),
+    Entry(
+        "Soft landing from cycle to cycle, eight valves that were never identified",
+        "run-to-run --runs 8 --cycles 12 --conditions plain --laws contact,model",
+        "run_to_run_plain_speeds.png",
+    ),
+]
 
 
 def entries() -> list[Entry]:
     """All of them, scenarios first."""
     scenarios = [folder.parent for folder in sorted((ROOT / "scenarios").glob("*/scenario.toml"))]
-    figures = [Entry(load(f).title, f"figure {f.name}", f"gallery/{f.name}.png") for f in scenarios]
-    drawn = [Entry(title, f"study {words}", f"gallery/studies/{file}") for words, (title, file) in STUDIES.items()]
-    return [*figures, *drawn]
+    figures = [Entry(load(f).title, f"figure {f.name}", f"gallery/{f.name}.png", True, True) for f in scenarios]
+    studies = [s._replace(command=f"study {s.command}", place=f"gallery/studies/{s.place}") for s in STUDIES]
+    return [*figures, *studies]
 
 
 def made(entry: Entry) -> Path:
     """Its picture, drawn by the command."""
-    words = entry.command.split()
-    is_file = words[0] == "figure" or words[1] in ("observability-rts", "reference-cycle")
 
     def draw(file: Path) -> None:
         """Let the command draw it into a file."""
         with tempfile.TemporaryDirectory() as folder:
             out = Path(folder) / Path(entry.place).name
-            takes_fmus = words[0] == "figure" or words[1] == "faults"
-            more = ["--fmus", str(NATIVE)] if takes_fmus and is_current(NATIVE) else []
-            call([*words, "--out", str(out if is_file else folder), *more])
+            more = ["--fmus", str(NATIVE)] if entry.takes_fmus and is_current(NATIVE) else []
+            call([*entry.command.split(), "--out", str(out if entry.is_file else folder), *more])
             shutil.move(out, file)
 
     return kept(entry.place, draw)

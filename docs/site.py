@@ -18,6 +18,7 @@ from kept import ROOT
 
 from gapsense.fmi.components import find_components, load_component
 from gapsense.fmi.page import html
+from gapsense.page.module import refuse_without_zig
 from gapsense.version import __version__
 
 ELSEWHERE = re.compile(r"\[([^\]]+)\]\(\.\./([^)]+)\)")  # a link to a file of the repository that the site has not
@@ -64,6 +65,7 @@ def on_config(config: Any) -> Any:
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made of files elsewhere, the pictures of the gallery, and the examples with theirs."""
+    refuse_without_zig()  # at once, and not after the minutes that all the rest takes
     own = {"contributing.md": in_site(ROOT / "CONTRIBUTING.md"), **components()}
     for name, text in own.items():
         files.append(File.generated(config, name, content=text))

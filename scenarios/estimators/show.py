@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -194,7 +195,7 @@ def conditions(found: Found) -> Figure:
         coloured(axis, np.array(rows))
         axis.set_title(f"RMS error of the {label}", loc="left", fontsize="medium")
         axis.set_yticks(range(len(rows)), [c.label for c in giving[quantity]])
-        axis.set_xticks(range(len(shown)), [TITLES[variant].replace(" ", "\n", 1) for variant in shown])
+        axis.set_xticks(range(len(shown)), [re.sub(r" (?=[a-z]{3})", "\n", TITLES[variant]) for variant in shown])
     return figure
 
 

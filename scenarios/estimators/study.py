@@ -43,6 +43,8 @@ def estimators(
     from .show import CONDITIONS, HOLD_OUTS, TITLES, conditions, markdown, of, tables
 
     chosen = [None, *(variant or filter(None, TITLES))]
+    for name in chosen:  # each takes minutes: an unknown one is told before the first
+        cosim.load(scenario, name)
     found = {name: one(scenario, name, seeds, workers, fmus, to).metrics for name in chosen}
     show(*tables(found))
     drawn = {"estimators": of(found, CONDITIONS), "estimators_held_out": of(found, HOLD_OUTS)}

@@ -63,7 +63,7 @@ def compare(
     not depend on the number of `workers`. The `file` takes what is computed, chunk by chunk: another call goes on from
     there.
     """
-    if runs < 1 or not widths or min(widths) < 0.0 or max(widths) >= 2.0:
+    if runs < 1 or not widths or not all(0.0 <= width < 2.0 for width in widths):
         raise ValueError(
             f"{runs} runs, widths {[*widths]}: at least one run and one width, none negative, all below 200 % (no"
             " parameter changes its sign). Correct them."

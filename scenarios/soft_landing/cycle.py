@@ -90,6 +90,8 @@ def reference() -> Cycle:
 
 def check(actuator: Parameters, trajectory: Trajectory, step: float) -> None:
     """Refuse what cannot be a cycle; all problems at once."""
+    if unknown := [f"`{name}` is {value}" for name, value in trajectory._asdict().items() if not math.isfinite(value)]:
+        raise SoftLandingError(f"{', '.join(unknown)}: finite numbers are expected.")
     c, lower, upper = trajectory, actuator.stop_lower, actuator.stop_upper
     making_end, breaking_end = c.making_start + c.making_duration, c.breaking_start + c.breaking_duration
     shortest, latest = min(step, c.lead, c.making_duration, c.breaking_duration), c.period + INSTANT

@@ -37,7 +37,7 @@ def soft_landing(
     hold_voltage: Annotated[float, typer.Option(help="Voltage while closed [V]")] = FIG_5.hold_voltage,
     lead: Annotated[float, typer.Option(help="Time of constant voltage before each motion [s]")] = FIG_5.lead,
     highest_voltage: Annotated[
-        float, typer.Option(help="Largest voltage of the drive, in both directions [V]")
+        float, typer.Option(help="Largest voltage of the drive, in both directions [V]", min=1e-9, max=1e6)
     ] = 200.0,
 ) -> None:
     """Compute a voltage that moves a reluctance actuator without impact, as a table for DriveVoltage.

@@ -68,7 +68,8 @@ def __getattr__(name: str) -> object:
     from importlib import import_module
 
     if name not in _PLACES:
-        raise AttributeError(f"module 'gapsense' has no attribute {name!r}")
+        # With its object, so that Python offers the nearest name.
+        raise AttributeError(f"module 'gapsense' has no attribute {name!r}", name=name, obj=sys.modules[__name__])
     return getattr(import_module(_PLACES[name]), name)
 
 

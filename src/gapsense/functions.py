@@ -11,7 +11,7 @@ Each imports what it needs when it is called.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,6 +36,7 @@ Data: TypeAlias = "File | Mapping[str, Any] | Sequence[File | Mapping[str, Any]]
 Several: TypeAlias = "str | Sequence[str] | Mapping[str, object]"
 Progress: TypeAlias = Callable[[int, int], None]
 RTOL, EDGE_STEPS = 1e-9, 1
+TABLES = ("_law.csv", "-gap.csv", "_map.csv")  # endings of what is written beside a parameter set
 UNITS = {"time": "s", "voltage": "V", "current": "A", "position": "m", "mode": "1", "temperature": "degC"}
 
 
@@ -161,7 +162,7 @@ def identify(
         form: dict[str, Any] = {"column": column, "separator": separator, "decimal": decimal, "clipped": clipped}
         form |= {"assume": assume, "validate": validate, "voltage": voltage}
         return _commission(data, believed, **form, out=out, figure=figure, progress=progress)
-    with files(data) as paths, files(validate) as kept, set_file(out) as (to, folder):
+    with files(data) as paths, files(validate, 0) as kept, set_file(out, data, validate, inductance) as (to, folder):
         how, picture = reading(pairs(column), voltage, separator, decimal, clipped), check_figure(figure)
         given = way.read(paths, how, kept, known, assume, **others)
         found = way.identify(given, to, starts, seed, progress)._asdict()
@@ -204,7 +205,7 @@ def commission(
     if not assume:
         ask(lacking, {port.name: port for port in show.PORTS.values()}, believed.name, "the component `Mhe`")
     how = reading(pairs(column), voltage, separator, decimal, clipped)
-    with files(data) as paths, files(validate) as others, set_file(out) as (to, folder):
+    with files(data) as paths, files(validate, 0) as others, set_file(out, data, validate) as (to, folder):
         records, kept = (read_records(group, how, needs="rest") for group in (paths, others))
         result = fit.commission(records, known, progress, show.doubts(lacking))
         names = " ".join(path.name for path in paths)
@@ -279,7 +280,7 @@ def gap_law(
     if assumed:
         values = list_values({**given, "coil.turns": number}, BY_NAME, assumed)
         shown = [*shown, f"Assumed: {values}.", *meanings(assumed)]
-    with set_file(out) as (to, folder):
+    with set_file(out, data) as (to, folder):
         written = write_gap_law(to, taken.law, number, upper, given, f"gapsense gap-law {source.name}", assumed)
         return answer(
             shown,
@@ -339,7 +340,7 @@ def fem(
     assumed = [*dict.fromkeys((*assumed, *(name for name in GUESSED if name in tuning)))]
     shown = [*show.fem_tables(models), *told, *show.beyond(points, given, assumed), *meanings(assumed)]
     wrong = show.doubts(models)
-    with set_file(out) as (to, folder):
+    with set_file(out, data) as (to, folder):
         files = show.write_fem(to, models, {**given, **tuning}, f"gapsense fem {source.name}", assumed)
         return answer(
             shown,
@@ -388,15 +389,21 @@ def estimate(
     sets = [shipped(file) for file in ([parameters] if isinstance(parameters, (str, Path)) else parameters)]
     wanted = ",".join([estimator] if isinstance(estimator, str) else estimator or ()) or None
     with files(data) as paths:
+        if len(paths) > 1:
+            raise InputError([f"{len(paths)} records found, one expected. Estimate each on its own."])
+        spare(path(out), paths)
         how = reading(pairs(column), "end", separator, decimal, clipped)
         record = thin(*read_records(paths, how, needs="samples"))
     record, (values, assumed) = judge.subtract_given(record, pairs(offset)), read_sets(sets)
     record = judge.coarsen(record, wanted, judge.estimators(every), values)
     names, left_out = judge.choose_estimators(wanted, judge.estimators(every), record, values)
+    fmu_files = [folder / f"{name}.fmu" for name in names]
+    if absent := [file for file in fmu_files if not file.is_file()]:
+        raise InputError([f"there is no FMU `{absent[0]}`. Build them with `gapsense build`, or correct `--fmus`."])
     take_values(find_components(every, names), sets, find_components(every))  # before any run
     placed = judge.with_placed_edges(record, values) if "Mhe" in names else record
     notes = [*about(placed), *(f"left out: {reason}" for reason in left_out)]
-    estimates = judge.run_all([folder / f"{name}.fmu" for name in names], record, values, progress, placed)
+    estimates = judge.run_all(fmu_files, record, values, progress, placed)
     doubts = judge.doubts(record, estimates)
     return answer(
         [*judge.estimate_tables(estimates), *judge.repeat_assumed(values, assumed)],
@@ -523,9 +530,13 @@ def check_figure(figure: File | None) -> Path | None:
 
 
 @contextmanager
-def files(data: Data) -> Iterator[list[Path]]:
+def files(data: Data, least: int = 1) -> Iterator[list[Path]]:
     """Records as files: those that are named, and arrays in a temporary folder."""
-    several = [data] if isinstance(data, (str, Path, Mapping)) else [*data]
+    several = [data] if isinstance(data, (str, Path, Mapping)) or not isinstance(data, Iterable) else [*data]
+    if not all(isinstance(each, (str, Path, Mapping)) for each in several):
+        raise TypeError(f"`{data!r:.60}` found; a file, a mapping of arrays, or a list of some expected.")
+    if len(several) < least:
+        raise InputError(["no record is given. Name a file."])
     with TemporaryDirectory() as folder:
         yield [
             arrays(each, Path(folder, f"record_{k}.csv")) if isinstance(each, Mapping) else shipped(each)
@@ -541,22 +552,41 @@ def arrays(columns: Mapping[str, Any], file: Path) -> Path:
 
     if missing := {"time", "voltage", "current"} - {*columns}:
         raise ValueError(f"a record needs arrays for time, voltage and current; {', '.join(sorted(missing))} missing.")
-    values = {name: np.asarray(column, float) for name, column in columns.items()}
-    if len({column.shape for column in values.values()}) > 1:
+    try:
+        values = {name: np.asarray(column, float) for name, column in columns.items()}
+    except (TypeError, ValueError) as error:
+        raise InputError([f"a record needs arrays of numbers: {error}."]) from None
+    if {column.ndim for column in values.values()} != {1} or len({column.shape for column in values.values()}) > 1:
         shapes = ", ".join(f"{name} {column.shape}" for name, column in values.items())
-        raise ValueError(f"shapes {shapes} found, equal ones expected. Correct them.")
+        raise ValueError(f"shapes {shapes} found, (samples,) for each and equal ones expected. Correct them.")
     write_atomically(file, lambda out: write_columns(out, values, UNITS))
     return file
 
 
 @contextmanager
-def set_file(out: File | None) -> Iterator[tuple[Path, TemporaryDirectory[str] | None]]:
-    """Where a parameter set is written: the file that was asked for, or one in a temporary folder."""
+def set_file(out: File | None, *read: Data | None) -> Iterator[tuple[Path, TemporaryDirectory[str] | None]]:
+    """Where a parameter set is written: the file that was asked for, or one in a temporary folder.
+
+    Neither it nor a table beside it may replace what is `read`.
+    """
     if out is not None:
-        yield Path(out), None
+        to = Path(out)
+        if to.suffix.lower() != ".toml":
+            raise InputError([f"--out: `{to}` found; parameters are written as .toml. Change the ending."])
+        named = [each for data in read for each in ([data] if isinstance(data, (str, Path)) else data or ())]
+        tables = [to.with_name(f"{to.stem}{ending}") for ending in TABLES]
+        spare(to, [Path(each) for each in named if isinstance(each, (str, Path))], tables)
+        yield to, None
     else:
         folder = TemporaryDirectory()
         yield Path(folder.name, "found.toml"), folder
+
+
+def spare(out: Path | None, read: Sequence[Path], beside: Sequence[Path] = ()) -> None:
+    """Refuse to write what would replace a file that is read."""
+    for file in (out, *beside) if out else ():
+        if any(file.resolve() == one.resolve() for one in read):
+            raise InputError([f"--out: `{out}` would replace `{file}`, which is read. Choose another name."])
 
 
 def answer(

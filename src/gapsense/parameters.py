@@ -50,7 +50,7 @@ class ParameterSet(NamedTuple):
     """Content of a parameter-set file."""
 
     values: dict[str, Value]  # by variable name
-    assumed: tuple[str, ...] = ()  # names of those that nobody knows
+    assumed: tuple[str, ...] = ()  # names of those that are only assumed
 
 
 def read_parameters(path: Path, problems: list[str]) -> dict[str, Value]:

@@ -39,10 +39,11 @@ R = TypeVar("R", bound="Runnable")
 
 
 class Moment(NamedTuple):
-    """Where a component stands between two steps: its state as the kernel has it, and the time [s]."""
+    """Where a component stands between two steps: its state as the kernel has it, the time [s], and its name."""
 
     state: Any
     time: float
+    component: str
 
 
 class Response:
@@ -169,13 +170,13 @@ class Runnable:
         ----------
         *signals : array_like
             Inputs in their order: (samples,), or (runs, samples) for many runs at once, or a number that stays. An
-            input that is optional has its start value if it is not given.
+            input that is optional has its start value if it is not given, or None. What an array masks is NaN.
         sample_time : float, optional
             Time between two samples [s]; by default the parameter `sample_time`, or where the component has none the
             step of its model description.
         start_time : float
             Time of the first sample [s].
-        outputs : iterable of str
+        outputs : str or iterable of str
             The outputs that are wanted, by default all.
         **named : array_like
             Inputs by name.
@@ -197,7 +198,7 @@ class Runnable:
         shape = np.broadcast_shapes((1, 1), *(x.shape for x in inputs))
         flat = [np.broadcast_to(x, shape) for x in inputs]
         every = [port.name for port in self.ports.of("output")]
-        wanted = [*outputs] or every
+        wanted = ([outputs] if isinstance(outputs, str) else [*outputs]) or every
         if unknown := [name for name in wanted if name not in every]:
             raise ValueError(f"`{unknown[0]}` is not an output of {self.ports.name}. {suggest(unknown[0], every)}")
         chosen = [every.index(name) for name in wanted]
@@ -214,13 +215,16 @@ class Runnable:
         The first call after the beginning or `reset` is the initialisation, as row 0 of `run`.
         """
         values, step = self._with_sample_time(sample_time)
-        inputs = [float(x) for x in self._inputs(signals, named)]
+        arrays = self._inputs(signals, named)
+        if any(x.ndim for x in arrays):
+            raise TypeError("an array found, a number for each input expected: `run` takes arrays.")
+        inputs = [float(x) for x in arrays]
         prepared = self._usual if values is self._values else self._prepare_constants(values)
         state, time, dt = (None, 0.0, 0.0)
         if self._moment is not None:
             state, time, dt = self._moment.state, self._moment.time + step, step
         made, state = self._advance(prepared)(state, [*(time, dt)[: self._clocks], *inputs])
-        self._moment = Moment(state, time)
+        self._moment = Moment(state, time, self.ports.name)
         return self._outputs(*made)
 
     @property
@@ -231,6 +235,8 @@ class Runnable:
     @state.setter
     def state(self, moment: Moment | None) -> None:
         """Go on from there."""
+        if moment is not None and getattr(moment, "component", None) != self.ports.name:
+            raise TypeError(f"`{moment!r:.60}` found, a `state` of another moment of {self.ports.name} expected.")
         self._moment = deepcopy(moment)
 
     def reset(self) -> None:
@@ -283,9 +289,10 @@ class Runnable:
             if name in given:
                 raise TypeError(f"input `{name}` is given twice. Leave one out.")
             given[name] = value
+        given = {name: value for name, value in given.items() if value is not None}
         if missing := [p.name for p in ports if p.name not in given and not p.is_optional]:
             raise TypeError(f"input {', '.join(f'`{name}`' for name in missing)} missing. Give an array or a number.")
-        arrays = [np.asarray(given.get(port.name, port.start or 0.0), dtype=np.float64) for port in ports]
+        arrays = [as_numbers(port.name, given.get(port.name, port.start or 0.0)) for port in ports]
         if any(x.ndim > 2 or 0 in x.shape for x in arrays):
             shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays))
             raise ValueError(f"shapes {shapes} found; (samples,) or (runs, samples), not empty, expected.")
@@ -417,3 +424,15 @@ def describe_type(port: Port) -> str:
     choices = f", one of {', '.join(port.choices)}" if port.choices else ""
     optional = ", optional" if port.is_optional else ""
     return f"{kind}{unit}{span}{choices}{optional}"
+
+
+def as_numbers(name: str, value: Any) -> Floats:
+    """The samples of an input; what an array masks was not measured."""
+    if np.iscomplexobj(value):
+        raise TypeError(f"input `{name}`: complex numbers found, real ones expected.")
+    try:
+        if isinstance(value, np.ma.MaskedArray):
+            value = np.where(value.mask, np.nan, value.data)
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"input `{name}`: an array or a number expected, {error}.") from None

@@ -65,7 +65,7 @@ class Section(NamedTuple):
 
 
 def is_number(value: Any) -> bool:
-    """True for a finite integer or float; TOML's `inf` and `nan` are none, nor are truth values."""
+    """True for a finite integer or float, but not for `inf`, `nan` or truth values."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= LARGEST
 
 
@@ -154,7 +154,7 @@ def read_toml(path: Path, problems: list[str]) -> dict[str, Any] | None:
 
 
 def parse_toml(text: str) -> dict[str, Any] | None:
-    """Parse a text as TOML; None if it is none."""
+    """Parse a text as TOML; None if it is not TOML."""
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError):

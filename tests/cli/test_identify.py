@@ -148,6 +148,14 @@ WRONG = {
         ["identify", RECORDS / "tube-150-raw.csv", "--model", "solenoid_valve", "--parameters", "known.toml"],
         ["tube-150-raw: its inductance is about 332.3 uH, that of the first guess", "`--parameters`"],
     ),
+    "no period": (["identify", "fit.csv", "--period", "-1"], ["--period"]),
+    "no number": (["inspect", "fit.csv", "--period", "nan"], ["--period"]),
+    "no resistance": (["inspect", "fit.csv", "--resistance", "0"], ["--resistance"]),
+    "odd decimal mark": (["identify", "fit.csv", "--decimal", "x"], ["--decimal", "`x`"]),
+    "pushing driver": (["identify", "fit.csv", "--driver", "series=-1"], ["--driver", "`series=-1`"]),
+    "negative accuracy": (["identify", "fit.csv", "--accuracy", "voltage=-1"], ["`voltage=-1`", "none negative"]),
+    "odd offset": (["estimate", "fit.csv", "--offset", "current=nan"], ["--offset", "`current=nan`"]),
+    "no FMUs": (["estimate", "fit.csv", "--estimator", "semera", "--fmus", "none"], ["no FMU", "Semera.fmu"]),
     "odd figure": (["identify", "fit.csv", "--figure", "x.bmp"], ["x.bmp", ".png"]),
 }
 
@@ -157,9 +165,31 @@ def test_wrong_input_is_refused_in_sentences(data, gapsense, monkeypatch, case):
     arguments, words = WRONG[case]
     monkeypatch.chdir(data)
     Path("bad.toml").write_text('[values]\n"mover.mas" = 1.0\n', encoding="utf-8")
-    done = gapsense(*arguments, "--out", "not.toml")
+    out = ["--out", "not.toml"] if arguments[0] != "inspect" else []
+    done = gapsense(*arguments, *out)
     assert done.exit_code == 2 and not done.stdout and not Path("not.toml").exists()
     assert all(word in done.stderr for word in words), done.stderr
+
+
+READ = {
+    "identify": (["fit.csv", "--out", "fit.csv"], "are written as .toml"),
+    "its table": (["identify", "fit.csv", "--inductance", "x_law.csv", "--out", "x.toml"], "would replace `x_law.csv`"),
+    "commission": (["fit.csv", "--parameters", "known.toml", "--assume", "--out", "fit.csv"], "written as .toml"),
+    "gap-law": (["x_law.csv", "--turns", "1000", "--out", "x.toml"], "would replace `x_law.csv`"),
+    "estimate": (["fit.csv", "--estimator", "semera", "--out", "fit.csv"], "would replace `fit.csv`"),
+}
+
+
+@pytest.mark.parametrize("case", READ)
+def test_what_is_read_is_never_replaced(data, gapsense, monkeypatch, case):
+    arguments, words = READ[case]
+    monkeypatch.chdir(data)
+    law = "gap [mm],inductance [mH]\n0.0,250\n0.2,180\n0.4,130\n0.6,105\n0.8,85\n0.9,80\n"
+    Path("x_law.csv").write_text(law, encoding="utf-8")
+    before = {file: file.read_bytes() for file in data.iterdir()}
+    done = gapsense(*([] if case == "its table" else [case]), *arguments)
+    assert done.exit_code == 2 and words in " ".join(done.stderr.split()), done.output
+    assert {file: file.read_bytes() for file in data.iterdir()} == before
 
 
 @pytest.fixture

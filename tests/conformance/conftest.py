@@ -12,6 +12,7 @@ import pytest
 
 sys.path.extend(str(Path(__file__).parents[1] / name) for name in ("conformance", "fmus", "native"))  # with helpers
 
+from parts import FEW
 from subjects import PLATFORM, Instance, Subject
 
 from gapsense.fmi.components import find_components, load_component
@@ -19,6 +20,11 @@ from gapsense.fmi.components import find_components, load_component
 ROOT = Path(__file__).parents[2]
 FOLDERS = find_components(ROOT / "fmus")
 KINDS = ("python", "native")
+ALIKE = (  # of code that all FMUs share: with a few of them
+    *("test_null_is_refused_with_a_sentence", "test_null_is_refused_with_a_sentence_by_fmi_3"),
+    *("test_calls_are_allowed_in_their_phases_alone", "test_damaged_bytes_are_refused_and_change_nothing"),
+    "test_calls_without_sense_end_nothing",
+)
 SECONDS = {  # with these, in Python, for what the others show
     "test_awkward_steps_run": ("play_actuator", "power_stage", "table_actuator"),
     "test_made_up_states_are_refused": ("ertss", "mhe"),
@@ -29,7 +35,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What takes seconds for one component belongs to the long tests."""
     for item in items:
         name, _, case = item.name.partition("[")
-        if case.removesuffix("-python]") in SECONDS.get(name, ()):
+        is_alike = name in ALIKE and not any(few in case for few in FEW)
+        if is_alike or case.removesuffix("-python]") in SECONDS.get(name, ()):
             item.add_marker(pytest.mark.slow)
 
 

@@ -3,7 +3,9 @@
 import math
 from copy import deepcopy
 
+import numpy as np
 import pytest
+from c_code import fresh
 from commanded import commanded, inputs, parameters
 
 from gapsense.control import laws, run_to_run
@@ -13,6 +15,7 @@ from gapsense.control.records import LawKind
 from gapsense.estimators.mhe.model import gap, make_gap
 from gapsense.kernels.interface import ports_of
 from gapsense.kernels.kernel import Kernel
+from gapsense.kernels.layout import flat, record
 
 OFF, LEARNING, TRACKING, BACK, OPEN = 0.0, 1.0, 2.0, 4.0, 5.0  # as the port table says
 PAR = parameters(sample_time=100e-6)  # few samples
@@ -22,16 +25,20 @@ KERNEL = Kernel(run_to_run)
 
 
 def run(commands, par=PAR, since=None, first=1, **given):
-    """Outputs of the generated Python, and the last state; it may go on from a state, with sample `first`."""
+    """Outputs of the generated C, and the last state; it may go on from a state, with sample `first`."""
 
     def now(k):
         return {name: value(k) if callable(value) else value for name, value in given.items()}
 
-    state, rows = since or KERNEL.initial(inputs(**now(0)), par)[0], []
-    for k, command in enumerate(commands, first):
-        state, outputs = KERNEL.step(state, inputs(time=k * par.sample_time, command=command, **now(k)), par)
-        rows.append(outputs)
-    return rows, state
+    c, start = fresh(run_to_run), inputs(**now(0))
+    samples = [inputs(time=k * par.sample_time, command=x, **now(k)) for k, x in enumerate(commands, first)]
+    state = flat(since or KERNEL.initial(start, par)[0])
+    c.state[:] = [value for value in state if not isinstance(value, list)]
+    c.memory = [np.array(value) for value in state if isinstance(value, list)]
+    rows = c.run(np.array(samples), par, is_later=True).tolist()
+    scalars, memory = iter(c.state.tolist()), iter(c.memory)
+    last = [next(memory).tolist() if isinstance(value, list) else next(scalars) for value in state]
+    return [record(run_to_run.Outputs, row) for row in rows], record(run_to_run.State, last)
 
 
 def test_the_port_of_the_warnings_has_every_bit():

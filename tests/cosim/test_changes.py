@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import pytest
 
-from gapsense.cosim import ScenarioError, check, lay_values, load, run, sweep
+from gapsense.cosim import ScenarioError, changed, check, load, run, sweep
 from gapsense.cosim.scenario.records import Port
 
 
 def test_value_wins_over_sets_variants_and_the_file(write, chain, fmus):
     text = chain + "[variants.fast]\ncomponents.source.set.slope = 4.0\n"
-    source = lay_values(write(text), ["source.slope = 3", "lag.time.constant=0.5"])
+    source = changed(write(text), ["source.slope = 3", "lag.time.constant=0.5"])
     assert load(source).components["source"].values == {"slope": 3}
     assert load(source, "fast").components["source"].values == {"slope": 3}
     plain, other = run(write(text), fmus=fmus), run(source, fmus=fmus)
     assert (plain["source.y"][-1], other["source.y"][-1]) == (3.0, 4.0)
     assert plain.run.scenario == other.run.scenario == "demo"
     assert set(other.run.files) - set(plain.run.files) == {"changes"}
-    assert lay_values("x", []) == "x"
+    assert changed("x", []) == "x"
 
 
 def test_input_and_seed_that_the_file_states_are_replaced_there(write, chain, fmus):
     text = chain.replace(
         '[[connections]]\nfrom = "source.y"\nto = "lag.u"\n', "[inputs]\nlag.u = 2\n[seeds]\nlag = 4\n"
     )
-    source = lay_values(write(text), ["lag.u=3.5", "lag.seed=7"])
+    source = changed(write(text), ["lag.u=3.5", "lag.seed=7"])
     assert load(source).inputs == {Port("lag", "u"): 3.5}
     assert load(source).seeds == {"lag": 7}
     assert load(source).components["lag"].values == {}
@@ -48,7 +48,7 @@ def test_wrong_value_is_told_with_its_place(write, chain, fmus, setting, expecte
     text = chain.replace(
         '[[connections]]\nfrom = "source.y"\nto = "lag.u"\n', "[inputs]\nlag.u = 2\n[seeds]\nlag = 4\n"
     )
-    found = check(lay_values(write(text + "[sweep]\ngain.gain = [1.0, 2.0]\n"), [setting]), fmus=fmus)
+    found = check(changed(write(text + "[sweep]\ngain.gain = [1.0, 2.0]\n"), [setting]), fmus=fmus)
     assert any(expected in problem for problem in found), found
 
 
@@ -63,9 +63,9 @@ def test_wrong_value_is_told_with_its_place(write, chain, fmus, setting, expecte
 def test_setting_that_is_none_is_told_with_what_is_wrong_with_the_file(write, chain, fmus, settings, expected):
     broken = chain.replace("[experiment]", "[experiment]\nmehtod = 1")
     with pytest.raises(ScenarioError, match=expected) as error:
-        load(lay_values(write(broken), settings))
+        load(changed(write(broken), settings))
     assert any("mehtod" in problem for problem in error.value.problems)
-    assert any(expected in problem for problem in check(lay_values(write(chain), settings), fmus=fmus))
+    assert any(expected in problem for problem in check(changed(write(chain), settings), fmus=fmus))
 
 
 def test_variant_that_is_none_is_told_with_what_is_wrong_with_the_file(write, chain, fmus):
@@ -76,7 +76,7 @@ def test_variant_that_is_none_is_told_with_what_is_wrong_with_the_file(write, ch
 def test_file_is_relative_to_the_working_folder(write, chain, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "u.csv").touch()
-    scenario = load(lay_values(write(chain), ["source.table.file=u.csv"]))
+    scenario = load(changed(write(chain), ["source.table.file=u.csv"]))
     assert scenario.components["source"].values["table.file"] == str(tmp_path / "u.csv")
 
 
@@ -84,14 +84,14 @@ def test_sweep_runs_with_it_and_computes_anew_for_another(write, chain, fmus, tm
     metric = '[sweep]\ngain.gain = [1.0, 2.0]\n[metrics.end]\nkind = "final"\nsignal = "source.y"\n'
     file = write(chain + metric)
     ends = [
-        sweep(lay_values(file, settings), fmus=fmus, workers=1, out=tmp_path).metrics["end"].tolist()
+        sweep(changed(file, settings), fmus=fmus, workers=1, out=tmp_path).metrics["end"].tolist()
         for settings in ([], ["source.slope=3"])
     ]
     assert ends == [[3.0, 3.0], [4.0, 4.0]]
 
 
 def test_what_a_sweep_gives_is_set_for_a_run_only(write, chain, fmus):
-    source = lay_values(write(chain + "[sweep]\ngain.gain = [1.0, 2.0]\n"), ["gain.gain=3"])
+    source = changed(write(chain + "[sweep]\ngain.gain = [1.0, 2.0]\n"), ["gain.gain=3"])
     assert run(source, fmus=fmus).parameters["gain.gain"] == 3.0
     with pytest.raises(ScenarioError, match=r"--set, gain.gain: `\[sweep\]` gives it too. Keep one."):
         sweep(source, fmus=fmus)

@@ -297,6 +297,7 @@ def test_command_refuses_before_it_runs(write, fmus, tmp_path):
     for more, said in (
         (("--export", tmp_path / "out.xlsx"), "ends in `.csv` or `.json`"),
         (("--set", "second.time.constant=1", "--write"), "leave out --set"),
+        (("--budget", "-1"), "a time above 0 expected"),
         (("--keep", "third"), "there is no component `third`"),
     ):
         done = CliRunner().invoke(app, [*map(str, ("converge", path, "--fmus", fmus, *more))])

@@ -9,7 +9,7 @@ from events_text import RAMP, event
 
 from gapsense import Scenario
 from gapsense.cosim import ScenarioError, check, run, sweep
-from gapsense.cosim.scenario.read import lay_values
+from gapsense.cosim.scenario.read import changed
 
 
 def problems(write, fmus, text, variant=None):
@@ -122,12 +122,12 @@ def test_variant_changes_a_key_of_an_event_and_adds_another(write, fmus):
 
 def test_value_on_the_command_line_changes_a_key_of_an_event(write, fmus):
     path = write(RAMP + ok())
-    result = run(lay_values(path, ["events.e.at=1.5", "events.e.value=-4"]), fmus=fmus)
+    result = run(changed(path, ["events.e.at=1.5", "events.e.value=-4"]), fmus=fmus)
     assert [s.begin for s in result.events] == [1.5] and result["tuned.u"][15] == -4.0
     with pytest.raises(ScenarioError, match=r"no event `f`\. Known: `e`"):
-        run(lay_values(path, ["events.f.at=1.5"]), fmus=fmus)
+        run(changed(path, ["events.f.at=1.5"]), fmus=fmus)
     with pytest.raises(ScenarioError, match=r"unknown key\. Did you mean `value`"):
-        run(lay_values(path, ["events.e.vlaue=1.5"]), fmus=fmus)
+        run(changed(path, ["events.e.vlaue=1.5"]), fmus=fmus)
 
 
 def test_object_has_the_event_of_the_file(write, fmus, tmp_path):
@@ -155,7 +155,7 @@ def test_sweep_goes_through_keys_of_events_with_any_number_of_workers(write, fmu
     assert one.metrics["seen"].tobytes() == two.metrics["seen"].tobytes()
     assert len(set(one.metrics["seen"])) == 12
     assert (one.units["events.e.at"], one.units["events.e.value"]) == ("s", "V")
-    single = run(lay_values(path, ["events.e.at=0.7", "events.e.value=2.0"]), fmus=fmus, seed_shift=4)
+    single = run(changed(path, ["events.e.at=0.7", "events.e.value=2.0"]), fmus=fmus, seed_shift=4)
     assert one.metrics["seen"][4] == single.metrics["seen"].value
 
 

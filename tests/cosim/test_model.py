@@ -219,6 +219,8 @@ def test_forgotten_scenario_leaves_nothing(fmus, tmp_path):
 
 def test_sweep_of_an_object_needs_no_file(ramp, tmp_path):
     ramp.metric("end", "final", "source.y")
+    with pytest.raises(ScenarioError, match=r"sweep.source.slope: one value found, a list"):
+        ramp.sweep({"source.slope": 1.0})
     swept = ramp.sweep({"source.slope": [1.0, np.float64(2.0)]}, workers=1, out=tmp_path)
     assert swept.metrics["end"].tolist() == [2.0, 3.0]
     assert (swept.computed, ramp.sweep(workers=1, out=tmp_path).computed) == (2, 0)

@@ -16,7 +16,7 @@ import pytest
 
 import gapsense
 from gapsense.cosim import ScenarioError, load, prepare, read_result, run, sweep
-from gapsense.cosim.scenario.read import lay_values
+from gapsense.cosim.scenario.read import changed
 from gapsense.many.provenance import bounds
 from gapsense.many.sweep import is_table, key_of, read_sidecar
 from gapsense.problems import InputError
@@ -252,7 +252,7 @@ def test_table_of_a_sweep_tells_of_what_it_is_and_which_runs_failed(write, fmus,
     """In the file beside it, which no other table fits."""
     text = FAULTY.replace('"FAULT"', '"nan", only = 11').replace("= 10\n", "= 10\ncoil = 10\n")
     text = text.replace('kind = "std"', 'kind = "std"\nbounds = [0.5, inf]\nlabel = "sigma"\ntable = "Noises"')
-    source = lay_values(write(text + '[sweep]\n"noise.sample_time" = [0.1, 0.2]\n'), ["coil.at=3.0"])
+    source = changed(write(text + '[sweep]\n"noise.sample_time" = [0.1, 0.2]\n'), ["coil.at=3.0"])
     swept = sweep(source, 2, out=tmp_path, fmus=fmus)
     table = tmp_path / "demo_sweep.csv"
     told = read_sidecar(table)

@@ -26,6 +26,11 @@ from gapsense.units import UNITS
 
 ERROR = 3
 FAULTS = ("exception", "nothing", "nan", "infinite")  # of drivers.FAULTS
+ALIKE = pytest.mark.parametrize("part", some(*FEW), indirect=True)  # of code that all FMUs share
+OTHERS = [
+    folder.name for folder in FOLDERS if folder.name != "mhe"
+]  # which takes 5 s of Python; its native one is quick
+EASY = pytest.mark.parametrize("part", some(*OTHERS), indirect=True)
 EXITS = [4, pytest.param(50, marks=pytest.mark.slow)]  # processes that end
 
 
@@ -108,12 +113,12 @@ def test_page_licence_and_icon_are_present(part: Part) -> None:
     assert [p.name for p in part.component.ports if f"<code>{p.name}</code>" not in page] == []
 
 
-@pytest.mark.parametrize("part", some(*FEW), indirect=True)
+@ALIKE
 def test_guid_and_bytes_are_the_same_in_a_second_build(part: Part, rebuilt: Path) -> None:
     assert filecmp.cmp(rebuilt / part.path.name, part.path, shallow=False)  # to show how bytes differ takes minutes
 
 
-@pytest.mark.parametrize("part", some(*FEW), indirect=True)
+@ALIKE
 def test_changed_source_changes_the_guid(part: Part, second: tuple[Path, dict[str, str]]) -> None:
     assert description(second[0] / part.path.name).get("guid") != description(part.path).get("guid")
 
@@ -172,7 +177,7 @@ def all_traces(all_fmus: list[str]) -> dict[str, Any]:
     return dict(zip(all_fmus, fresh("together", *all_fmus)))
 
 
-@pytest.mark.parametrize("part", some(*FEW), indirect=True)
+@ALIKE
 def test_two_versions_in_one_process_do_not_mix(
     part: Part, fmu: str, life: dict[str, Any], second: tuple[Path, dict[str, str]]
 ) -> None:
@@ -196,7 +201,7 @@ def second_traces(folder: Path) -> dict[str, Any]:
     return dict(zip(names_in(folder), fresh("together", *(folder / name for name in names_in(folder)))))
 
 
-@pytest.mark.parametrize("part", some(*FEW), indirect=True)
+@ALIKE
 def test_second_version_has_its_own_description_and_start_value(
     part: Part, second: tuple[Path, dict[str, str]]
 ) -> None:
@@ -207,7 +212,7 @@ def test_second_version_has_its_own_description_and_start_value(
     assert starts[0].get("start") != starts[1].get("start")  # type: ignore[union-attr]
 
 
-@pytest.mark.parametrize("part", some(*FEW), indirect=True)
+@ALIKE
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_loading_and_freeing_does_not_leak(fmu: str) -> None:
     growth = fresh("memory", fmu, 100)
@@ -257,11 +262,13 @@ def faults(part: Part, broken: Path) -> dict[str, Any]:
     return fresh("faults", broken / part.path.name, len(FAULTS))  # type: ignore[no-any-return]
 
 
+@ALIKE
 def test_failing_kernel_fails_the_call_and_every_later_one(faults: dict[str, Any]) -> None:
     assert [answer["status"] >= ERROR for answer in faults["answers"]] == [True] * len(FAULTS)
     assert [answer["again"] >= ERROR for answer in faults["answers"]] == [True] * len(FAULTS)
 
 
+@ALIKE
 @pytest.mark.parametrize("fault", FAULTS[:2])
 def test_exception_is_logged_with_traceback_inputs_and_time(part: Part, faults: dict[str, Any], fault: str) -> None:
     k = FAULTS.index(fault)
@@ -277,6 +284,7 @@ def test_exception_is_logged_with_traceback_inputs_and_time(part: Part, faults: 
         assert f"{name} = {value!r}" in text
 
 
+@ALIKE
 @pytest.mark.parametrize("fault", FAULTS[2:])
 def test_output_that_is_not_finite_is_an_error(part: Part, faults: dict[str, Any], fault: str) -> None:
     text = logged(faults["answers"][FAULTS.index(fault)])
@@ -284,6 +292,7 @@ def test_output_that_is_not_finite_is_an_error(part: Part, faults: dict[str, Any
     assert "not finite" in text and "t = 0 s" in text
 
 
+@ALIKE
 def test_other_instance_works_after_exceptions(faults: dict[str, Any], life: dict[str, Any]) -> None:
     assert faults["afterwards"] == life["first"]
 
@@ -338,6 +347,7 @@ def in_c_host(program: Path, folders: list[Path], step: float) -> int:
 # Expected results -----------------------------------------------------------------------------------------------------
 
 
+@EASY
 def test_reproduces_its_reference(part: Part, fmu: str) -> None:
     """The file holds what the FMU gave when `python tests/fmus/make_references.py` was last run."""
     file = part.folder / "reference.csv"

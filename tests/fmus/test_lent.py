@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from hosting import in_python, raw
-from parts import Part
+from parts import FEW, FOLDERS, Part
 
 FUNCTIONS = """
 import math, random, shutil, sys, tempfile, zipfile
@@ -58,8 +58,15 @@ for name in ("exp", "log", "tanh"):
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the shim is for Linux")
 
 
-# 5,000 calls of each of 14 components: what lends is the same code in all of them, so that it gets 70,000
-@pytest.mark.parametrize("count", [800, pytest.param(5_000, marks=pytest.mark.slow)])
+# 5,000 calls of each of 17 components: what lends is the same code in all of them, so it gets 85,000; few are quick
+@pytest.mark.parametrize(
+    ("part", "count"),
+    [
+        *(pytest.param(folder, 800, id=folder.name) for folder in FOLDERS if folder.name in FEW),
+        *(pytest.param(folder, 5_000, id=f"{folder.name}-long", marks=pytest.mark.slow) for folder in FOLDERS),
+    ],
+    indirect=["part"],
+)
 def test_binary_and_slave_answer_alike(part: Part, tmp_path: Path, count: int) -> None:
     with zipfile.ZipFile(part.path) as archive:
         archive.extractall(tmp_path)

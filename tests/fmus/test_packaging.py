@@ -220,7 +220,7 @@ def test_components_are_found_by_folder_or_name_in_any_case(folder: Path) -> Non
 
 
 def test_unknown_component_is_told_with_those_that_exist(folder: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"no component Amplifyer.*There are: amplifier"):
+    with pytest.raises(FileNotFoundError, match=r"no component `Amplifyer`.*Did you mean `amplifier`\?"):
         find_components(folder.parent, ["Amplifyer"])
 
 

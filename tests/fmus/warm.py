@@ -29,6 +29,7 @@ signal.signal(signal.SIGINT, signal.SIG_IGN)
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for the first forks
 __IMPORTS__
 gc.freeze()
+gc.set_threshold(20_000)  # as in tests/conftest.py: kernels make many tuples and no circles
 while True:
     message, files, _, _ = socket.recv_fds(requests, 1 << 20, 4)
     if not message:

@@ -48,9 +48,8 @@ LARGE = (
     *("bounded_ukf", "ertss", "mhe", "play_actuator", "power_stage", "reluctance_actuator", "run_to_run"),
     "table_actuator",
 )
-QUICK = ("x86 with FMA", "reluctance_actuator")  # it calls all functions; Zig makes C libraries first, for minutes
 CASES = [
-    pytest.param(*case, marks=() if case == QUICK else pytest.mark.slow)
+    case
     for case in itertools.product(MACHINES, FOLDERS)
     if case[0] != "wasm32" or case[1] not in LARGE  # their FMUs run there, in tests/native/test_wasm.py
 ]
@@ -62,6 +61,7 @@ def wanted(name: str) -> list[list[float]]:
     return expected(make_design(FOLDERS[name], "double"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("machine", "name"), CASES)
 def test_double_has_the_same_bits_on_other_machines(machine: str, name: str, tmp_path: Path) -> None:
     compiler, runner, linker = MACHINES[machine]

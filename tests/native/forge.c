@@ -15,7 +15,7 @@
 #include <string.h>
 
 enum { HEAD = 56, FLAGS = 4, STEPS = 12, MOST_VALUES = 64, TOGETHER = 8 };
-static const double LONGEST = 2e-3; /* [s], a step after a forged number: of a longer one, a number meets the same code */
+static const double LONGEST = 1e-3; /* [s], a step after a forged number: of a longer one, a number meets the same code */
 
 
 static const char *const SENTENCE = "the saved state is damaged: its ";

@@ -24,7 +24,7 @@ def sizes_of(part: Part) -> list[int]:
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("part", some("semera"), indirect=True)
+@pytest.mark.parametrize("part", some(), indirect=True)
 def test_no_number_of_a_state_leads_out_of_memory(part: Part, unpacked: Unpacked, tmp_path: Path) -> None:
     [library] = sanitized(unpacked, kernel=())  # which runs long
     host = compiled_host(("gcc",), tmp_path / "host", "-lm", source="forge.c")

@@ -14,7 +14,7 @@ import pytest
 from opened import METRICS, PATIENCE, Opened
 from scenarios_of_ours import EVERY, read
 
-from gapsense.cosim import lay_values, run
+from gapsense.cosim import changed, run
 from gapsense.cosim.scenario.records import ITERATIVE
 from gapsense.page.page import write_page
 
@@ -109,7 +109,7 @@ def test_events_meet_the_values_of_sliders(browser, tmp_path, fmus):
     event = '[events.hot]\ntarget = "valve.coil.resistance"\naction = "scale"\nvalue = 1.2\nover = 5e-3\nat = 9.95e-3\n'
     opened = Opened(browser, write_page(with_text(tmp_path, event), tmp_path / "x.html", None, fmus))
     opened.change(lambda: opened.type("valve.coil.resistance", "60"))
-    assert_equal(opened, run(lay_values(tmp_path, ["valve.coil.resistance=60"]), fmus=fmus))
+    assert_equal(opened, run(changed(tmp_path, ["valve.coil.resistance=60"]), fmus=fmus))
     opened.close()
 
 
@@ -197,7 +197,7 @@ def test_slider_changes_the_curves_and_reset_brings_them_back(one, fmus):
 
 def test_typed_value_gives_the_bits_of_a_run_with_it_and_goes_into_the_link(browser, valve, one, fmus):
     one.change(lambda: one.type("valve.coil.resistance", "79,05"))
-    result = run(lay_values(ROOT / "scenarios" / "semera_valve", ["valve.coil.resistance=79.05"]), fmus=fmus)
+    result = run(changed(ROOT / "scenarios" / "semera_valve", ["valve.coil.resistance=79.05"]), fmus=fmus)
     assert_equal(one, result)
     link = one.page.url.partition("#")[2]
     assert link == "valve.coil.resistance=79.05"
@@ -247,7 +247,7 @@ def test_nine_components_take_less_than_twice_the_time_of_native_fmus(browser, t
     folder = nine.write(tmp_path)
     opened = Opened(browser, write_page(folder, tmp_path / "nine.html", fmus=fmus))
     assert_equal(opened, run(folder, fmus=natives))
-    opened.again(40)  # the browser compiles what takes long better meanwhile
+    opened.again(20)  # the browser compiles what takes long better meanwhile
     both = [
         (opened.again(1)[0], 1e3 * run(folder, fmus=natives).wall) for _ in range(20)
     ]  # in turn: others work here too

@@ -21,7 +21,7 @@ from gapsense import read_campaign
 from gapsense._os.files import SEAL, seal
 from gapsense.cli import app
 from gapsense.cosim import read_result
-from gapsense.cosim.scenario.read import lay_values
+from gapsense.cosim.scenario.read import changed
 from gapsense.many.columns import kind
 from gapsense.many.result import KEY
 from gapsense.many.store import Store
@@ -129,7 +129,7 @@ def test_command_gives_back_every_value_with_its_type(tmp_path, make, monkeypatc
     words = shlex.split(make_command(many, run))
     assert words[:5] == ["gapsense", "run", "out/demo/scenario.toml", "--variant", "cold"]
     Path("s.toml").write_text("", encoding="utf-8")
-    given = lay_values("s.toml", words[6::2]).changes
+    given = changed("s.toml", words[6::2]).changes
     assert set(words[5::2]) == {"--set"}
     assert given == {"valve.damping": 0.5, "sensor.seed": 5 + run, **values(run)}
     assert [type(given[name]) for name in FACTORS] == [float, int, str, bool]

@@ -238,6 +238,10 @@ def test_command_writes_beside_the_result_or_where_it_is_told(tmp_path):
     assert done.exit_code == 0 and (tmp_path / "a" / "b.html").is_file(), done.output
     done = runner.invoke(app, ["report", str(tmp_path / "none.csv")])
     assert done.exit_code == 2 and "gapsense run" in " ".join(done.output.split())
+    before = file.read_bytes()
+    done = runner.invoke(app, ["report", str(file), "--out", str(file)])
+    assert done.exit_code == 2 and "ends in `.html`" in " ".join(done.output.split())
+    assert file.read_bytes() == before
 
 
 @pytest.mark.parametrize("is_there", [True, False])

@@ -351,6 +351,11 @@ def test_tables_show_median_worst_and_misses():
 def test_figure_of_the_conditions(tmp_path):
     found = {None: runs(), "warm": runs(ekf__position=[1e-6, 1e-4])}
     axis = drawn.conditions(found).axes[0]
+    ticks = [
+        label.get_text()
+        for label in drawn.conditions({"wrong_5": runs(), "other_gap": runs()}).axes[0].get_xticklabels()
+    ]
+    assert ticks == ["5 %\nwrong", "other\ngap"]  # a number keeps its unit
     numbers = {tuple(text.get_position()): text.get_text() for text in axis.texts}
     row = [label.get_text() for label in axis.get_yticklabels()].index("Ekf")
     assert numbers[1, row] == "50" and len(numbers) == 2 * len(axis.get_yticks())  # the median of 1 and 100 um
@@ -363,6 +368,12 @@ def test_table_of_the_page_has_every_estimator():
     for contender in CONTENDERS:
         assert f"\n| {contender.label} | " in table, contender.label
         assert contender.needs in table, contender.label
+
+
+def test_unknown_condition_is_told_before_the_first_is_run(tmp_path):
+    done = CliRunner().invoke(app, ["study", "estimators", "--variant", "warn", "--out", str(tmp_path)])
+    assert done.exit_code == 2 and "Did you mean `warm`?" in " ".join(done.output.split())
+    assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.slow

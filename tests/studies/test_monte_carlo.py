@@ -220,7 +220,9 @@ def test_changed_code_is_computed_again(coarse, tmp_path, monkeypatch):
     assert compute(noise_of_width, coarse.facts(), task, 1, file).computed == 1
 
 
-@pytest.mark.parametrize(("widths", "runs", "workers"), [([], 5, 1), ([0.1], 0, 1), ([-0.1], 5, 1), ([0.1], 5, 0)])
+@pytest.mark.parametrize(
+    ("widths", "runs", "workers"), [([], 5, 1), ([0.1], 0, 1), ([np.nan], 5, 1), ([-0.1], 5, 1), ([0.1], 5, 0)]
+)
 def test_senseless_comparisons_are_refused(coarse, widths, runs, workers):
     with pytest.raises(ValueError, match="Correct"):
         compare(coarse, widths, runs, workers)

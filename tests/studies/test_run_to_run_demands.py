@@ -21,7 +21,8 @@ HELD_OUT = 6
 OTHERS = 7  # seed of conditions that were looked at on 6 too
 SEVERAL = (HELD_OUT, 526, 527, 528)  # one alone has some ten hard operations, of which nobody can tell 95 %
 TOLD = 0.95  # share of hard operations that are told
-MOST, FEWER = 200, 60  # actuators, and those of longer or many rows; half of the most have medians and 90 % as true
+# Actuators, those of many rows, those of long ones; half of the most have medians and 90 % as true
+MOST, FEWER, FEWEST = 200, 60, 40
 BLIND = {  # what `Mhe` is told of a core that nobody knows
     **{name: value for name, value in kernel_parameters(own("mhe"), blind(VALVE))._asdict().items() if "core_" in name},
     **{"prior_eddy": 0.5, "prior_hysteresis": 1.0, "prior_knee": 0.4, "prior_core": 1.5, "model_error": 1.8e-3},
@@ -35,7 +36,9 @@ def actuators(condition: str, law: str) -> int:
     row = CONDITIONS[condition]
     if condition == "plain":
         return MOST if law in LEARNING else MOST // 2
-    if row.cycles or row.lengths or row.disturbance or law == "both" or (condition, law) not in ROWS:
+    if row.cycles or row.lengths:
+        return FEWEST
+    if row.disturbance or law == "both" or (condition, law) not in ROWS:
         return FEWER
     return MOST if (condition, law) in TO_THE_WORST else MOST // 2
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from c_code import run
@@ -147,6 +149,7 @@ def test_samples_between_rows_are_interpolated(cycles):
         ({}, {"making_start": 0.5e-3}, {}, "before the period"),
         ({}, {"making_duration": 0.0}, {}, "must be positive"),
         ({}, {}, {"step": 0.0}, "must be positive"),
+        ({}, {"lead": math.nan}, {}, "^`lead` is nan: finite numbers are expected"),
         ({"stop_lower": 2e-3}, {}, {}, "must be below `stop_upper`"),
         ({}, {"making_duration": 1.2e-3}, {}, "would have to push"),
         ({"spring_rest": 1e-3}, {}, {}, "must be above `stop_upper`"),

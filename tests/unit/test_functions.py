@@ -118,6 +118,28 @@ def test_results_are_compared_by_file(tmp_path):
         gapsense.compare(a, b, tolerance=["x"])
 
 
+@pytest.mark.parametrize("options", [{"period": -1.0}, {"period": float("nan")}, {"resistance": "48"}])
+def test_numbers_beyond_the_limits_of_the_command_are_refused_here_too(options):
+    (name,) = options
+    with pytest.raises(ValueError, match=f"--{name}: .* found, a number of at least 1e-09 expected"):
+        gapsense.inspect(RECORD, **options)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (3, "`3` found; a file, a mapping of arrays, or a list"),
+        ([], "no record is given"),
+        ([RECORD, RECORD], "2 records found, one expected"),
+        ({"time": ["a"], "voltage": [1.0], "current": [1.0]}, "a record needs arrays of numbers"),
+        (dict.fromkeys(("time", "voltage", "current"), np.zeros((3, 3))), r"\(samples,\) for each"),
+    ],
+)
+def test_what_is_no_record_is_told(data, words):
+    with pytest.raises((ValueError, TypeError), match=words):
+        gapsense.estimate(data, estimator="Semera")
+
+
 def test_what_is_missing_is_asked_for(tmp_path):
     with pytest.raises(ValueError, match="stop"):
         gapsense.identify(RECORD, model="solenoid_valve")

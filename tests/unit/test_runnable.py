@@ -111,6 +111,32 @@ def test_steps_do_not_change_a_state_that_was_saved():
     assert [mhe.step(24.0, 0.1, 1.0) for _ in range(50)] == [again.step(24.0, 0.1, 1.0) for _ in range(50)]
 
 
+def stepped(component):
+    """A component after its first step."""
+    component.step(*[0.0] * 3)
+    return component
+
+
+def test_inputs_are_what_they_say_whatever_their_type():
+    """Numbers of any type and layout have the same bits; what is masked is a lost sample; an output is named alone."""
+    voltage, current = np.full(60, 24.0), np.repeat(np.arange(20) / 64, 3)
+    ekf = gapsense.Ekf()
+    expected = ekf.run(voltage, current, 3.0)
+    for u, i in (([*voltage], tuple(current)), (voltage.astype(int), np.repeat(current, 2)[::2].astype(">f4"))):
+        assert np.array_equal(ekf.run(u, i, 3, outputs="position").position, expected.position)
+    assert list(ekf.run(voltage, current, 3, outputs="position")._one()) == ["position"]
+    lost = np.where(np.arange(60) == 5, np.nan, current)
+    masked = ekf.run(voltage, np.ma.masked_invalid(lost), 3.0)
+    assert np.array_equal(masked.health, ekf.run(voltage, lost, 3.0).health)
+    assert not np.array_equal(masked.health, expected.health)
+
+
+def test_unknown_name_comes_with_the_module_so_that_python_suggests_another():
+    with pytest.raises(AttributeError) as error:
+        gapsense.Erts  # noqa: B018
+    assert (error.value.name, error.value.obj) == ("Erts", gapsense)
+
+
 @pytest.mark.parametrize(
     ("act", "words"),
     [
@@ -133,6 +159,12 @@ def test_steps_do_not_change_a_state_that_was_saved():
         (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0, outputs=["positon"]), "Did you mean `position`?"),
         (lambda: gapsense.Ekf().run([1.0], [1.0], 0.0).positon, "`positon` is not an output. Did you mean `position`?"),
         (lambda: gapsense.Nothing, "no attribute 'Nothing'"),
+        (lambda: gapsense.Ekf().run(None, [1.0], 0.0), "input `voltage` missing"),
+        (lambda: gapsense.Ekf().run([1.0 + 0j], [1.0], 0.0), "input `voltage`: complex numbers found"),
+        (lambda: gapsense.Ekf().run([1.0], ["a"], 0.0), "input `current`: an array or a number expected, could not"),
+        (lambda: gapsense.Ekf().step([1.0, 2.0], 1.0, 0.0), "`run` takes arrays"),
+        (lambda: setattr(gapsense.Ekf(), "state", 3), "`3` found, a `state` of another moment of Ekf expected"),
+        (lambda: setattr(gapsense.Ekf(), "state", stepped(gapsense.Mhe()).state), "of another moment of Ekf expected"),
     ],
 )
 def test_what_is_wrong_is_told(act, words):

@@ -153,7 +153,7 @@ class Sheet(NamedTuple):
 
     @property
     def is_table(self) -> bool:
-        """True if most cells are numbers. What else a file holds may be nobody's business: no message quotes it."""
+        """True if most cells are numbers. Other content may be private, and no message quotes it."""
         cells = [text for row in self.rows[:LOOKED_AT] for text in row]
         return bool(cells) and 2 * sum(number(text) is not None for text in cells) >= len(cells)
 
@@ -330,7 +330,7 @@ def sha256(path: Path) -> str:
 
 
 def read_bytes(path: Path, most: int = LARGEST) -> bytes:
-    """Content of a file; an OSError refuses what is none, before it is opened, and what is too large.
+    """Content of a file; an OSError refuses what is not a file, before it is opened, and what is too large.
 
     A pipe or a device may give bytes for ever, or none.
     """

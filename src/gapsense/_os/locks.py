@@ -17,7 +17,7 @@ else:
     import fcntl
 
 PREFIX, HELD = "gapsense-", ".held"  # of temporary folders, and the locked file in each of them
-CACHE = "GAPSENSE_CACHE"  # the folder of what is worth keeping, for who wants another
+CACHE = "GAPSENSE_CACHE"  # names another folder for what is worth keeping
 FACTS = "fmu-"  # how files there begin that tell what an FMU says of itself
 FAR = 2**30  # the byte that is locked on Windows, beyond all that is written
 _folders: dict[Path, IO[bytes]] = {}

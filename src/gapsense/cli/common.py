@@ -181,7 +181,7 @@ def as_vectors(result: Any) -> str:
 
 
 def open_in_browser(file: Path) -> None:
-    """Show a file in the browser, or say that there is none: it is written all the same."""
+    """Show a file in the browser, or say that no browser was found; the file is written in any case."""
     import webbrowser
 
     if not webbrowser.open(file.resolve().as_uri()):

@@ -119,7 +119,7 @@ def converge(
     from gapsense.cosim.convergence import EXPORTED
     from gapsense.report import convergence, plot
 
-    fmus, source = console.choose_fmus(scenario, fmus, native), cosim.lay_values(scenario, settings or ())
+    fmus, source = console.choose_fmus(scenario, fmus, native), cosim.changed(scenario, settings or ())
     if export:
         refuse_export(export, *EXPORTED)
     if figure:

@@ -37,12 +37,19 @@ def report(
     """
     from gapsense.report.html.page import write_report
 
-    to = to or free(beside(results[0]))
+    to = page_file(to) if to else free(beside(results[0]))
     refuse_unwritable(to)
     file = write_report(results, to)
     say_written(file)
     if show:
         open_in_browser(file)
+
+
+def page_file(file: Path) -> Path:
+    """Refuse an ending that is not that of a page, such as that of the result or the scenario itself."""
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise InputError([f"--out: `{file}` found, a file expected that ends in `.html`. Change the ending."])
+    return file
 
 
 def free(file: Path) -> Path:
@@ -81,8 +88,9 @@ def page(
     from gapsense._os.native import NativeError
     from gapsense.page.page import write_page
 
-    source = cosim.lay_values(scenario, settings or ())
-    to = to or free(Path(cosim.result_file(Path(), scenario, variant, settings or ()).with_suffix(".html").name))
+    source = cosim.changed(scenario, settings or ())
+    own = cosim.result_file(Path(), scenario, variant, settings or ())
+    to = page_file(to) if to else free(Path(own.with_suffix(".html").name))
     refuse_unwritable(to)
     try:
         file = write_page(source, to, variant, console.choose_fmus(scenario, fmus, False))

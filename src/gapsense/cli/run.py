@@ -37,7 +37,7 @@ def run(
 ) -> None:
     """Run a scenario, show and save what came of it, and end the program with the exit code for that."""
     with count_interrupts() as interrupts:  # it loads numpy, which takes a Ctrl-C meanwhile for an error of its own
-        source = cosim.lay_values(scenario, settings or ())
+        source = cosim.changed(scenario, settings or ())
     if interrupts():
         raise KeyboardInterrupt
     file = cosim.result_file(to, scenario, variant, settings or ())

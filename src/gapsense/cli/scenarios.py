@@ -27,7 +27,7 @@ REMEDY = "Leave it out of `baseline.signals`, or give it a larger tolerance in `
 @cli.command("check")
 def check(scenario: cli.Scenario, variant: cli.Variant = None, fmus: cli.Fmus = None, settings: cli.Set = None) -> None:
     """Check a scenario and all its variants without running it, and list every problem."""
-    source = cosim.lay_values(scenario, settings or ())
+    source = cosim.changed(scenario, settings or ())
     if problems := cosim.check(source, variant, fmus):
         raise cosim.ScenarioError(problems)
     remarks = cosim.remarks(source, variant, fmus)
@@ -92,7 +92,7 @@ def sweep(
     with runs_ahead(workers, engine, cosim.scenario_file(scenario)), console.bar("sweeping") as progress:
         from gapsense.cosim.run.loop.compiled import language  # here, while the workers start
 
-        source = cosim.lay_values(scenario, settings or ())
+        source = cosim.changed(scenario, settings or ())
         swept = cosim.sweep(source, seeds, variant, workers, to, fmus, None, progress, signals, engine)
     console.show(*runs.sweep(cosim.load(source, variant), swept))
     if language() != "C" and swept.engine != "vectors":
@@ -136,7 +136,7 @@ def figure(
         if not to:
             plot.refuse_foreign(file, cosim.relative(result.run.source, file.parent))
     else:
-        source = cosim.lay_values(scenario, settings or ())
+        source = cosim.changed(scenario, settings or ())
         file = to or plot.figure_file(Path("results"), scenario, variant, settings or ())
         drawer(cosim.load(source, variant).figure)  # refuses a wrong one before a long run
         plot.check_file(file)

@@ -30,7 +30,7 @@ def export_ssp(
     """
     from gapsense.ssp.export import export
 
-    notes = export(cosim.lay_values(scenario, settings or ()), to, variant, console.choose_fmus(scenario, fmus, native))
+    notes = export(cosim.changed(scenario, settings or ()), to, variant, console.choose_fmus(scenario, fmus, native))
     for note in notes:
         console.notice(note)
     console.say_written(to)

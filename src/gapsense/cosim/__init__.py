@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from gapsense.cosim.run.master import Master as Master
     from gapsense.cosim.run.run import run as run
     from gapsense.cosim.run.run import run_once as run_once
-    from gapsense.cosim.scenario.read import lay_values as lay_values
+    from gapsense.cosim.scenario.read import changed as changed
     from gapsense.cosim.scenario.read import load as load
     from gapsense.cosim.scenario.read import scenario_file as scenario_file
     from gapsense.cosim.scenario.records import Scenario as Scenario

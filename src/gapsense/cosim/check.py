@@ -704,7 +704,7 @@ def parameters_of(file: Path) -> frozenset[str]:
     """Names of the parameters of an FMU file; one that cannot be read has none."""
     try:
         root, _text = mend_description(read_description(file)[0])
-    except (UnusableError, SyntaxError):  # of the XML; whoever uses the FMU is told
+    except (UnusableError, SyntaxError):  # of the XML, which is reported where the FMU is used
         return frozenset()
     return frozenset(v.get("name", "") for v in root.iter() if v.get("causality") == "parameter")
 
@@ -1096,7 +1096,7 @@ def start_problem(event: Event, scenario: Scenario, descriptions: Descriptions) 
         yield f"at: at the start there is no earlier value for `{event.action}` to begin with. {remedy}"
 
 
-# Whether components drive each other with a delay, and somebody has measured how large the error is.
+# Whether components drive each other with a delay, and whether its error was measured.
 
 
 def sample_time(component: Component, description: Description) -> float:
@@ -1119,7 +1119,7 @@ def is_free(component: Component, description: Description) -> bool:
 def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
     """Sentence on the first two components that drive each other with a delay, unless the error was measured.
 
-    A sampled component on the way has its delay on purpose, so that it is none of the coupling.
+    The delay of a sampled component on the way is intended, and not one of the coupling.
     """
     free = {n for n, c in scenario.components.items() if n in descriptions and not is_sampled(c, descriptions[n])}
     wires = [c for c in scenario.connections if {c.source.component, c.target.component} <= free]

@@ -31,7 +31,7 @@ from gapsense.shipped import is_installed
 Progress = Callable[[int, int], None]
 RUNS, LEAST_RUNS, MOST_RUNS = 6, 4, 16  # an order that is told takes two ratios of changes, and so four runs
 TOLERANCE = 1e-3  # of the range of a signal
-SETTLED = 0.1  # in the tolerance: a smaller change is none
+SETTLED = 0.1  # in the tolerance: a smaller change does not count
 NOISE, DISCRETE, QUANTISED, RESTLESS = "noise", "discrete", "quantised", "its changes show no order"
 ROUNDING = 1e-9  # of the range: changes below it tell nothing
 RATIOS = 2  # of changes that have to give the same order
@@ -211,7 +211,7 @@ def converge(
     """
     keep = (keep,) if isinstance(keep, str) else keep
     read, descriptions = prepare(scenario, variant, fmus)
-    refuse(read, runs, tolerance, keep, write)
+    refuse(read, runs, budget, tolerance, keep, write)
     if problems := [
         *check_size(record_wires(read), runs * len(recorded_signals(record_wires(read), descriptions)), memory())
     ]:
@@ -240,7 +240,7 @@ def converge(
     return found
 
 
-def refuse(scenario: Scenario, runs: int, tolerance: float, keep: Collection[str], write: bool) -> None:
+def refuse(scenario: Scenario, runs: int, budget: float, tolerance: float, keep: Collection[str], write: bool) -> None:
     """Raise a ScenarioError for options that make no sense, before a long run."""
     problems = [
         f"--keep: there is no component `{name}`. {suggest(name, scenario.components)}"
@@ -249,6 +249,8 @@ def refuse(scenario: Scenario, runs: int, tolerance: float, keep: Collection[str
     ]
     if not LEAST_RUNS <= runs <= MOST_RUNS:
         problems.append(f"--runs: {runs} found, {LEAST_RUNS} to {MOST_RUNS} expected. Correct the number.")
+    if not budget > 0.0:
+        problems.append(f"--budget: {budget:g} s found, a time above 0 expected. Correct it.")
     if not 0.0 < tolerance < 1.0:
         problems.append(f"--tolerance: {tolerance} found, a share of the range between 0 and 1 expected. Correct it.")
     if scenario.experiment.step_control is not None:
@@ -353,7 +355,7 @@ class Judge:
         return changes[-1] <= SETTLED * self.tolerance * scale
 
     def conclude(self, results: Sequence[Result], stopped: str) -> Convergence:
-        """Conclude from all results what is told of each signal."""
+        """Conclude from all results how each signal tends."""
         own = recorded_signals(self.scenario, self.descriptions)
         found = self.explain(self.tendencies(results), results)
         return Convergence(

@@ -13,7 +13,7 @@ from gapsense.fmi.ports import Component
 from gapsense.fmi.values import fields
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names, record
-from gapsense.problems import code
+from gapsense.problems import code, suggest
 from gapsense.shipped import COMPONENTS, ROOT
 
 HOLDS = "A component's folder holds component.py, page.md and reference.csv."
@@ -43,7 +43,7 @@ def find_components(root: Path, names: Sequence[str] = ()) -> list[Path]:
     known = {name.replace("_", "").lower(): folder for name, folder in found.items()}
     unknown = [n for n in names if n.replace("_", "").lower() not in known]
     if unknown:
-        raise FileNotFoundError(f"no component {', '.join(unknown)} in {root}. There are: {', '.join(found)}.")
+        raise FileNotFoundError(f"there is no component `{unknown[0]}` in {root}. {suggest(unknown[0].lower(), found)}")
     return [known[n.replace("_", "").lower()] for n in names] if names else list(found.values())
 
 

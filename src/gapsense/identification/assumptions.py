@@ -20,7 +20,7 @@ from gapsense.tables import Value
 class Scale(NamedTuple):
     """A parameter that a record does not tell."""
 
-    what: str  # for whoever is asked for it
+    what: str  # for the user who is asked for it
     doubt: float  # standard deviation of an assumed value: of its logarithm, or in parts
     means: str = ""  # what an answer with an assumed value is worth
     parts: str = ""  # what the doubt is a part of, for a value that may be 0

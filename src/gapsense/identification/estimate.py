@@ -7,6 +7,7 @@ an error of the current is content, and one that is sure of a sound model doubts
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -34,7 +35,7 @@ from gapsense.identification.measurements.record import UNITS, Record, Vector
 from gapsense.identification.parameter_set import values_for
 from gapsense.identification.residual import noise_of
 from gapsense.identification.valve.show import BY_NAME
-from gapsense.problems import listing
+from gapsense.problems import listing, suggest
 from gapsense.report.plot import FIRST, SECOND, THIRD, TRUE, legend, line, scale_axis, stack
 from gapsense.report.table import quantity, table
 from gapsense.tables import Value
@@ -56,7 +57,7 @@ class Estimate(NamedTuple):
     values: Mapping[str, Value]
     units: Mapping[str, str]  # of the outputs; empty where the FMU states none
     resistance: float | None = None  # that its model has, given or not [Ohm]
-    unset: Mapping[str, Value] = {}  # start values that describe the device or the noise, and that nobody gave
+    unset: Mapping[str, Value] = {}  # start values of the device or the noise, which were not given
 
 
 def signals_of(record: Record) -> dict[str, Vector]:
@@ -70,7 +71,7 @@ def subtract_given(record: Record, offsets: Sequence[str]) -> Record:
     for text in offsets:
         name, _, value = text.partition("=")
         try:
-            if name not in ("voltage", "current"):
+            if name not in ("voltage", "current") or not math.isfinite(float(value)):
                 raise ValueError
             record = record._replace(**{name: getattr(record, name) - float(value)})
         except ValueError:
@@ -119,7 +120,8 @@ def given_time(names: Collection[str], given: Mapping[str, Value], record: Recor
 
 def coarsen(record: Record, wanted: str | None, found: Mapping[str, Component], values: Mapping[str, Value]) -> Record:
     """Means of as few samples as all estimators that are wanted take; the record itself where none, or no means, do."""
-    asked = [c for name, c in found.items() if name.lower() in _parse_names(wanted)]
+    names = [word.lower() for word in _parse_names(wanted)]
+    asked = [c for name, c in found.items() if name.lower() in names]
     for size in range(1, MOST_MEANS):
         made = average_blocks(record, size) if size > 1 else record
         if not any(unfit(c, made, values) for c in asked):
@@ -139,8 +141,8 @@ def estimators(folder: Path) -> dict[str, Component]:
 
 
 def _parse_names(wanted: str | None) -> list[str]:
-    """Parse names of estimators, as they are compared."""
-    return [word.strip().replace("_", "").lower() for word in wanted.split(",")] if wanted else []
+    """Parse names of estimators; they are compared in lower case."""
+    return [word.strip().replace("_", "") for word in wanted.split(",")] if wanted else []
 
 
 def choose_estimators(
@@ -153,10 +155,10 @@ def choose_estimators(
     """
     plain = {name.lower(): name for name in found}
     asked = _parse_names(wanted) or list(plain)
-    if unknown := [word for word in asked if word not in plain]:
-        raise ValueError(f"--estimator: no estimator `{unknown[0]}`; there are {', '.join(found)}.")
+    if unknown := [word for word in asked if word.lower() not in plain]:
+        raise ValueError(f"--estimator: there is no estimator `{unknown[0]}`. {suggest(unknown[0], found)}")
     reasons = {}
-    for name in (plain[word] for word in asked):
+    for name in (plain[word.lower()] for word in asked):
         component, lacks = found[name], missing(record, found, name)
         reasons[name] = (None if wanted else foreign(component, values)) or lacks or unfit(component, record, values)
     refused = [reason for reason in reasons.values() if reason]
@@ -203,7 +205,7 @@ def run_estimator(fmu: Path, record: Record, values: Mapping[str, Value]) -> Est
 
 
 def unset(starts: Mapping[str, Value], given: Mapping[str, Value]) -> dict[str, Value]:
-    """Start values for the device and the noise that an estimator uses because nobody gave others."""
+    """Start values for the device and the noise that an estimator uses because no others were given."""
     laws = {"gap.reluctance", "gap.slope", "gap.fringing", "gap.window", "gap.area"}
     values = {**starts, **given}
     law = values.get("gap.law")
@@ -233,7 +235,7 @@ FAR = {
     "flux linkage": 0.15,
     "current": 0.2,
 }  # relative to what the record tells, RMS; a warm coil has 0.1
-FLOWS = 0.1  # of the largest current: less is none
+FLOWS = 0.1  # of the largest current: less does not count
 HEALTHY = 0.5  # part of the samples
 INNOVATION = 10.0  # times the noise: more is left by a model that is another one
 
@@ -265,7 +267,7 @@ def doubts(record: Record, estimates: Sequence[Estimate]) -> list[str]:
 
 
 def truth(record: Record) -> Truth:
-    """What a record tells of the device whatever its model."""
+    """What a record says about the device, whatever its model."""
     found = operations(record) if begins_at_rest(record) else []
     flux: Flux | None = integral(record, found) if found else None
     at = found[-1].inside if found else slice(record.times.size // 2, record.times.size)

@@ -91,7 +91,7 @@ def quotients(here: Vector, beside: Matrix, steps: Vector) -> Matrix:
 
 
 def finite(x: Vector) -> Vector:
-    """With large numbers in place of what is none, as models far from any device give it."""
+    """Replace NaN and infinity, which models far from any device give, by large numbers."""
     return x if np.isfinite(x).all() else np.nan_to_num(x, nan=FAR, posinf=FAR, neginf=-FAR)
 
 

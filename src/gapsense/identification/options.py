@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from functools import wraps
 from inspect import Parameter, signature
 from pathlib import Path
 from textwrap import fill, indent
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, SupportsFloat, TypeVar, cast
+
+from gapsense.problems import InputError
 
 CONVENTIONS = ("trapezoid", "end", "start", "filtered", "slow")  # what a recorded voltage was between two samples
 SHARP = CONVENTIONS[:3]  # edges take no time; those of the others tell how long they take
@@ -53,8 +57,14 @@ OPTIONS = {
     "fem.parameters": Option("What else is known: coil, mover, spring, stops", Path, "Parameter-set file. {}"),
     "assume": Option("Assume missing values, list them and mark them in the file; results are then relative", bool),
     "validate": Option("Record to validate with; it is not used for the fit", list[Path]),
-    "period": Option("Length of an operation in s", float, "{}; by default operations end at rest", "to rest"),
-    "resistance": Option("Resistance of the coil in Ohm, measured with a meter", float),
+    "period": Option(
+        what="Length of an operation in s",
+        kind=float,
+        here="{}; by default operations end at rest",
+        without="to rest",
+        limits=(1e-9, None),
+    ),
+    "resistance": Option("Resistance of the coil in Ohm, measured with a meter", float, limits=(1e-9, None)),
     "turns": Option(
         what="Turns of the coil",
         kind=float,
@@ -64,7 +74,9 @@ OPTIONS = {
     ),
     "current": Option("Current of all rows in A", float, without="column `current`", limits=(1e-9, None)),
     "symmetry": Option("The table is of one of so many equal parts of the device", int, limits=(1, 1000)),
-    "closed": Option("Position in m at which the gap is closed", float, without="the position is the gap"),
+    "closed": Option(
+        "Position in m at which the gap is closed", float, without="the position is the gap", limits=(-1e3, 1e3)
+    ),
     "supply": Option("Voltage in V that switches the device, for the windows of `Mhe`", float, limits=(1e-9, None)),
     "voltage": Option(f"Voltage between two samples: {', '.join((AUTO, *CONVENTIONS))}", str),
     "temperature": Option("Temperature of each record in degC: 23,60,85", str, without="column `temperature`"),
@@ -111,13 +123,39 @@ def key(function: str, name: str) -> str:
 
 
 def document_arguments(function: Function) -> Function:
-    """Put the arguments of a function into its docstring, before what it returns, and at its end what it raises."""
+    """Put the arguments of a function into its docstring, before what it returns, and at its end what it raises.
+
+    Numbers beyond the limits of the table are refused, as by the command.
+    """
     told = ["Parameters\n----------"]
-    for name, argument in signature(function).parameters.items():
+    known = signature(function).parameters
+    for name, argument in known.items():
         option = OPTIONS[key(function.__name__, name)]
         optional = "" if argument.default is Parameter.empty or option.kind is bool else ", optional"
         sentence = fill(f"{(option.here or '{}').format(option.what)}.", 110)
         told.append(f"{name} : {TYPES.get(option.kind, 'callable')}{optional}\n{indent(sentence, '    ')}")
     before, returns, after = (function.__doc__ or "").partition("    Returns\n")
     function.__doc__ = f"{before}{indent(chr(10).join(told), '    ')}\n\n{returns}{after.rstrip()}\n\n{RAISES}"
-    return function
+
+    @wraps(function)
+    def call(*arguments: Any, **options: Any) -> Any:
+        limited = {name: OPTIONS[key(function.__name__, name)].limits for name in options if name in known}
+        if problems := [
+            f"--{name}: {options[name]} found, a number {between(*limits)} expected. Correct it."
+            for name, limits in limited.items()
+            if limits and options[name] is not None and not is_within(options[name], *limits)
+        ]:
+            raise InputError(problems)
+        return function(*arguments, **options)
+
+    return cast(Function, call)
+
+
+def is_within(value: Any, low: float, high: float | None) -> bool:
+    """True for a finite number that is not beyond the limits."""
+    return isinstance(value, SupportsFloat) and low <= float(value) <= (sys.float_info.max if high is None else high)
+
+
+def between(low: float, high: float | None) -> str:
+    """The limits in words."""
+    return f"of at least {low:g}" if high is None else f"from {low:g} to {high:g}"

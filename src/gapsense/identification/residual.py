@@ -25,7 +25,7 @@ from gapsense.report.table import quantity
 
 EXPLAINED = 1.25  # times the noise
 FLOOR = 1e-3  # of the largest current: the sampling alone leaves 1e-4
-SMALL = 3e-3  # of the largest current: less is none
+SMALL = 3e-3  # of the largest current: less does not count
 REST = 20  # samples before the first operation that tell the noise
 AFTER = 4  # samples after a jump of the voltage that count as its edge
 HUMS = 3.0  # amplitudes of hum that a residual may have by it: in the voltage's balance and the offset, too

@@ -26,7 +26,7 @@ ROOM = 2.0  # times what an operation needs, that the longest window is
 MOST = 1998  # samples of a window; `Mhe` has 2000
 FINEST = 0.075  # of `window.tail`, that a sample may last
 DIGITS = 4
-SOLID, UNTOLD = 5e3, 2e3  # S; eddy currents, for one turn, of a solid core and of one of which nobody has told
+SOLID, UNTOLD = 5e3, 2e3  # S; eddy currents, for one turn, of a solid core and of an unknown one
 GUESSED = ("core.eddy", "core.turnover", "process.current_error")  # what goes with them
 DRIFT = 8e-3  # of the voltage: what is wrong of its integral
 MEMORY = 0.66e-3  # s; with which they forget an error of the current
@@ -52,7 +52,7 @@ def find_tuning(
 
 
 def untold_losses(turns: float, saturation: float, told: Collection[str] = ()) -> dict[str, float]:
-    """Losses of `Mhe` that are but a guess; eddy currents that somebody told are none."""
+    """Losses of `Mhe` that are only a guess; eddy currents that were given are not."""
     eddy = {} if "core.eddy" in told else {"core.eddy": UNTOLD / turns**2, "prior.eddy": GUESS}
     return {name: float(f"{x:.{DIGITS}g}") for name, x in {**eddy, "core.turnover": TURNOVER * saturation}.items()}
 

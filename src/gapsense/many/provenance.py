@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -34,8 +35,12 @@ def sources() -> dict[str, str]:
 
 def hashes(folder: Path, endings: Collection[str] = SOURCES, but: Path | None = None) -> dict[str, str]:
     """Hash of every source file below a folder, by its path from there on, `but` those of a folder inside."""
-    files = sorted(p for p in folder.rglob("*") if p.suffix in endings and not (but and p.is_relative_to(but)))
-    return {path.relative_to(folder.parent).as_posix(): sha256(path) for path in files}
+    files, above = [], len(folder.parent.as_posix().rstrip("/")) + 1
+    for where, folders, names in os.walk(folder):
+        here = Path(where).as_posix() + "/"  # of texts, for a path of each file takes longer than its hash
+        folders[:] = [name for name in folders if name != "__pycache__" and not (but and here + name == but.as_posix())]
+        files += [here + name for name in names if name[name.rfind(".") :] in endings]
+    return {file[above:]: sha256(Path(file)) for file in sorted(files, key=lambda file: file.split("/"))}
 
 
 def provenance(scenario: Scenario, folder: Path) -> dict[str, Any]:

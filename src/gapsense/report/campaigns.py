@@ -143,7 +143,7 @@ def bars(axis: Any, found: Bars) -> None:
 
 
 def density(axis: Any, cloud: Cloud) -> None:
-    """Counts in colours, logarithmic; where no run lies there is none."""
+    """Counts in colours, logarithmic; no colour where there is no run."""
     from matplotlib.colors import LogNorm
 
     counts = np.where(cloud.counts > 0.0, cloud.counts, np.nan).T

@@ -1,4 +1,4 @@
-"""What plots of many runs show, whoever draws them: how each metric is distributed, and how it goes with parameters."""
+"""What plots of many runs show: how each metric is distributed, and how it goes with parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of runs, sweeps and what there is to run."""
+"""Tables of runs and sweeps, and of what can be run."""
 
 from __future__ import annotations
 

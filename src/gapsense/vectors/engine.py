@@ -19,7 +19,7 @@ Recordings = Iterator["tuple[int, Recording | None]"]  # place of a take, and wh
 
 
 class Stopped(Exception):
-    """Runs were given up because nobody wants them any more."""
+    """The runs were given up, because the caller has stopped."""
 
 
 def obstacle(subject: Subject) -> str:
@@ -76,10 +76,10 @@ class Vectors:
 
         self.subject, self.block, self.model = subject, block.Block, cache(partial(model.Model, subject))
         self.width: int = library.loop().width()
-        self.is_stopped = False  # whoever waits for runs has gone
+        self.is_stopped = False  # the caller no longer waits for runs
 
     def record(self, takes: Sequence[Take]) -> Recordings:
-        """What runs record, in any order; nothing of those that FMUs have to do, for they would fail there."""
+        """What runs record, in any order; None for those that would fail as vectors, and so have to be done by FMUs."""
         by_periods = sorted(range(len(takes)), key=lambda k: self.periods(takes[k]))
         for periods, group in groupby(by_periods, key=lambda k: self.periods(takes[k])):
             places = [*group]
@@ -92,7 +92,7 @@ class Vectors:
                 yield from zip(own, found)
 
     def go_on(self) -> None:
-        """Raise Stopped if nobody waits any more."""
+        """Raise Stopped if the caller no longer waits."""
         if self.is_stopped:
             raise Stopped
 

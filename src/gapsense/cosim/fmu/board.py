@@ -27,7 +27,7 @@ NUMBERS = {4: "<f4", 8: "<f8"}
 
 
 class OnBoard(Instance):
-    """A component on the board at the end of `link`, whose outputs `wanted` somebody reads.
+    """A component on the board at the end of `link`, of whose outputs only those `wanted` are read.
 
     `duration` [s] is that of its steps, `clock` [Hz] that of the board, if it is known.
     """
@@ -241,7 +241,7 @@ class OnBoard(Instance):
                 self.ask(LOAD, struct.pack("<I", at) + content[at : at + room])
         self.found = np.array(found)
 
-    # What is told of the board after a run.
+    # What a result says about the board after a run.
 
     def facts(self) -> dict[str, Any]:
         """How long its steps took, what memory it uses, how far it was from the FMU; of JSON."""

@@ -388,7 +388,7 @@ class Instance:
         self.call("fmi2SetFMUstate", self.held[name])
 
     def facts(self) -> dict[str, Any]:
-        """What a result tells of where it ran; nothing of an FMU here."""
+        """What a result says about where it ran; nothing for an FMU in this process."""
         return {}
 
     def close(self) -> None:

@@ -253,7 +253,7 @@ class Link:
         self.waits = [min(wait, limit / 8.0) for wait in WAITS]
         self.line, self.sequence, self.came = Line(board, firmware), 0, b""
         self.troubles: list[str] = []  # of the last request, for which it had to be repeated
-        self.is_lost = False  # there is nobody to ask any more
+        self.is_lost = False  # the board no longer answers
         self.is_known = False  # it has answered as a board does
         try:
             self.line.write(b"\0")  # the end of what another program may have begun
@@ -275,7 +275,7 @@ class Link:
             raise BoardError(f"speaks version {version} of the protocol, {VERSION} expected. Export its firmware again")
 
     def ask(self, what: int, component: int = 0, data: bytes = b"") -> bytes:
-        """The data of the answer; a BoardError if there is none, or if it is no."""
+        """The data of the answer; a BoardError if there is none, or if the board refuses."""
         self.sequence, self.is_lost = (self.sequence + 1) & 0xFFFF, True
         self.troubles.clear()
         message = encode_cobs(pack_message(what, component, self.sequence, data))

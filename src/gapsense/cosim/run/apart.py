@@ -60,9 +60,9 @@ def tell(sentence: str) -> None:
 
 
 class Listeners(NamedTuple):
-    """Who is told of a run: `progress` base steps done and in all, `notice` what a Ctrl-C waits for.
+    """Callbacks of a run: `progress` gets base steps done and in all, `notice` what a Ctrl-C waits for.
 
-    What is needed when the run has ended can be prepared `meanwhile`.
+    `meanwhile` prepares what is needed when the run has ended.
     """
 
     progress: Progress | None = None
@@ -98,7 +98,7 @@ def limit_of(scenario: Scenario) -> float:
 
 
 class Supervisor:
-    """One run, as the process sees it that waits for it."""
+    """One run, seen from the process that waits for it."""
 
     def __init__(self, process: Process, plan: Plan, watch: Listeners, interrupts: Callable[[], int]) -> None:
         self.process, self.plan, self.watch, self.interrupts = process, plan, watch, interrupts
@@ -169,7 +169,7 @@ class Supervisor:
         return f"`{name}`, {DOING[self.marks[PHASE]]}{f' (base step {self.marks[STEP]})' * is_step},"
 
     def remains(self, died: Died) -> Recording:
-        """What there is of a run whose process has ended."""
+        """What was recorded of a run whose process has ended."""
         recording = Recording(self.data)
         with suppress(FileNotFoundError):
             recording = from_facts(self.data, json.loads((self.folder / FACTS).read_text("utf-8")))
@@ -236,7 +236,7 @@ def record(plan: Plan, folder: Path) -> Recording:
 
 
 def noting(file: Path, master: Master, recording: Recording) -> Progress:
-    """Function that is told of progress, and writes down now and then what is known of a run."""
+    """Function that takes the progress, and writes down now and then what is known about a run."""
     due = monotonic()
 
     def note(done: int, total: int) -> None:

@@ -61,7 +61,7 @@ class Keeper(NamedTuple):
 
 
 def read(file: Path) -> tuple[Facts, Mapping[str, Any]]:
-    """What a checkpoint holds; raises ScenarioError if it is none."""
+    """What a checkpoint holds; raises ScenarioError if the file is not a checkpoint."""
     if file.exists() and not file.is_file():
         raise ScenarioError([f"{file}: not a checkpoint. Start without `--resume`."])
     try:

@@ -189,7 +189,7 @@ class Control:
 
 
 def is_smooth(part: Part, port: Any) -> bool:
-    """True for an output that has an error and no jumps; one that says when in a step an edge comes is none."""
+    """True for an output that has an error and no jumps, and does not say when in a step an edge comes."""
     variable = part.places.variable(port)
     is_continuous = variable.type == "Real" and variable.variability in ("", "continuous")
     return is_continuous and part.places.index[port] not in part.edges

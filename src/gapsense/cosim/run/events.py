@@ -180,7 +180,7 @@ def effect(event: Event, share: float, track: Track) -> Effect:
     return Effect(1.0, number * share)
 
 
-# Random numbers of events: each belongs to an event, a seed and a base step, whoever asks for it, and how often.
+# Random numbers of events: each belongs to an event, a seed and a base step, however often it is asked for.
 
 
 @lru_cache(maxsize=64)
@@ -221,7 +221,7 @@ def actors(
 
 
 def tellers(events: Mapping[str, Event]) -> dict[str, str]:
-    """Which one of those that an event became, one for each target, tells of it."""
+    """An event becomes one for each target: the one of these that reports it."""
     return {event.name: key for key, event in reversed([*events.items()])}
 
 

@@ -54,7 +54,7 @@ MASTER = 0  # in the place of a component
 
 
 def new_marks() -> Marks:
-    """Marks that nobody shares."""
+    """Marks that no other process shares."""
     return array("q", bytes(8 * MARKS))
 
 
@@ -87,7 +87,7 @@ class Recording:
     ended: str = ""  # by which components in an orderly way, before its stop or there
     error: FmuError | None = None
     loop: str = "C"  # language of the loop over base steps
-    boards: dict[str, Any] = field(default_factory=dict)  # what is told of each component on a board
+    boards: dict[str, Any] = field(default_factory=dict)  # facts of each component on a board
     events: list[list[Any]] = field(default_factory=list)  # that happened: name, base steps of begin and end
     # Of each loop that is iterated: steps, evaluations, most of them in a step and in which; its inverse Jacobian.
     loops: dict[str, list[int]] = field(default_factory=dict)
@@ -173,7 +173,7 @@ def bin_edge(k: int) -> float:
 
 
 def median(counts: Counts, longest: float) -> float | None:
-    """Median of the durations that were counted, of which the longest is known [s]; None if there are none."""
+    """Median of the counted durations, of which the longest is known [s]; None if there are none."""
     total = np.cumsum(counts)
     if not total[-1]:
         return None

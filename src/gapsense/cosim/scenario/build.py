@@ -257,6 +257,8 @@ class Scenario:
         """
         from gapsense.many.sweep import sweep  # which stands above this package
 
+        if alone := [name for name, values in (grid or {}).items() if isinstance(values, (str, bool, int, float))]:
+            raise ScenarioError([f"sweep.{alone[0]}: one value found, a list of values expected. Correct it."])
         if grid is not None:
             self.data["sweep"] = {name: [plain(value) for value in values] for name, values in grid.items()}
         options = {"out": out, "fmus": self.fmus, "measure": measure, "progress": progress}

@@ -241,7 +241,7 @@ def document_of(source: Source, variant: str | None = None) -> Document:
 # Values laid over a scenario from outside: `--set component.variable=value`.
 
 
-def lay_values(source: Source, settings: Sequence[str]) -> Source:
+def changed(source: Source, settings: Sequence[str]) -> Source:
     """Lay values over a scenario that are written as on the command line: `valve.damping=0.4`.
 
     What TOML does not take as a value is a text; files are relative to the working folder. What is wrong is told with

@@ -242,7 +242,7 @@ class Threshold:
     place: int
     level: float
     is_above: bool
-    is_on: bool = False  # somebody wants to know
+    is_on: bool = False  # whether it is watched now
     holds: bool = False
 
     def look(self, buffer: Buffer) -> bool:

@@ -208,7 +208,7 @@ def run(par: Parameters, volts: list[float], beyond: Beyond = USUAL) -> Matrix:
 LONGEST, ENOUGH = 25, 1e-5  # steps, and relative fall of the cost with which they end
 FURTHEST, GUESSED = math.log(10.0), math.log(1000.0)  # of a logarithm, and of one of losses; 1 for places and offsets
 NEAR = 0.999  # part of it that is at the limit
-PROMISES = 0.1  # part of the cost, by which a minimum is none
+PROMISES = 0.1  # part of the cost that a step promises: with more it is no minimum
 
 
 def furthest(name: str, deviation: float) -> float:

@@ -213,7 +213,7 @@ def actuator_tables(
 
 
 def assumptions(known: Parameters, names: Sequence[str]) -> list[str]:
-    """What nobody has given, and what that means."""
+    """What was not given, and what that means."""
     ports = {port.name: port for port in PORTS.values()}
     values: dict[str, Value] = {
         name: "as shipped" if ports[name].columns else float(getattr(known, ports[name].field)) for name in names
@@ -288,7 +288,7 @@ def _describe_doubtful(result: Commissioned, before: Parameters) -> list[str]:
 
 
 def describe_additions(result: Commissioned) -> str:
-    """Say what the records have asked for beside the usual numbers, and who has it."""
+    """Say what the records need beside the usual numbers, and which components have it."""
     (_, left), n = with_usual_knee(result), result.beyond.core_power
     told = {
         "gap_window": "a leak beside the gap (`gap.window`)",

@@ -50,7 +50,7 @@ from gapsense.tables import Value
 
 MAP_UNITS = {"gap": "m", "flux_linkage": "Wb", "current": "A"}
 ANOTHER = 0.1  # by which the force is another one than the slope of the energy
-SPREADS = 3.0  # deviations of the points that are none
+SPREADS = 3.0  # deviations of points that count as none
 FAR = (0.05, 0.1)  # relative errors of flux linkage and force that are a wrong point, if they are no noise
 CHANCE = 10.0  # standard deviations that noise has not
 SHOWN = 3

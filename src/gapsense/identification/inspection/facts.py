@@ -31,7 +31,7 @@ from gapsense.identification.measurements.switching import Carrier, carrier
 OFF = 0.05  # of the largest voltage: no more is on
 FLOWS = 0.1  # of the largest current
 CLEAR = 0.8  # part of the variance that a sagging supply explains
-SAG = 0.01  # of the voltage: less is none
+SAG = 0.01  # of the voltage: less does not count
 FEW = 4  # values of a command
 EDGES = 200  # of a record that are looked at
 STEEP = 0.05  # of the range: a change of the voltage from one sample to the next that belongs to an edge
@@ -130,7 +130,7 @@ def one(record: Record, operation: Operation, sigma: float) -> Lag | None:
 STEADY = 0.05  # of the largest voltage: a voltage that changes less is held
 SIGMAS = 6.0  # times the noise of what is compared
 SMOOTHED = (25, 100, 400, 1600)  # parts of a stretch over which the current is averaged, until a motion is seen
-LEAST = 1e-3  # of the largest current: a smaller change of its course is none
+LEAST = 1e-3  # of the largest current: a smaller change of its course does not count
 GONE = 0.03  # of the largest current: less says nothing
 AFTER = 3  # samples after a change of the voltage, in which filters still follow
 SHORTEST = 12  # samples of a held voltage
@@ -142,7 +142,7 @@ SCALES = (6, 8, 12, 16, 24, 48)  # parts of a falling current in which it is com
 
 
 class Kink(NamedTuple):
-    """Where the course of the current tells of a motion."""
+    """Where the course of the current shows a motion."""
 
     begin: float  # [s]
     end: float  # where it rises again, or bends most: on closing, the mover lands there [s]
@@ -300,7 +300,7 @@ class Facts(NamedTuple):
     begun: list[Begun]  # operations without an end
     path: Path
     lag: Lag | None  # of the current behind the voltage
-    clipped: list[str]  # what is told of signals at the limits of their converters
+    clipped: list[str]  # sentences on signals at the limits of their converters
     is_from_rest: bool  # no current flows before the first operation
     slow: list[str]  # why its times cannot be seconds
     unready: list[str]  # why no model can begin with the record

@@ -275,6 +275,8 @@ def reading(
     for name, text in (("separator", separator), ("decimal", decimal)):
         if len(text) != 1:
             raise ValueError(f"--{name}: `{text}` found, one character expected.")
+    if decimal not in ".,":
+        raise ValueError(f"--decimal: `{decimal}` found, `.` or `,` expected.")
     if separator == decimal:
         raise ValueError(f'--decimal: `{decimal}` also separates the cells. Give another `--separator`, such as ";".')
     return Reading(

@@ -76,10 +76,11 @@ def _parse_part(part: str, units: Mapping[str, str], option: str) -> dict[str, s
     if part == FIT and units is TAKEN:
         return {"series": FIT, "drop": FIT}
     name, _, value = part.partition("=")
-    if name in units and (_is_number(value) or (value == FIT and units is TAKEN)):
+    signed = name == "delay"  # either of the two channels may be the later one
+    if name in units and ((value == FIT and units is TAKEN) or (_is_number(value) and (signed or float(value) >= 0.0))):
         return {name: value}
     wanted = ",".join(f"{n}={unit}" for n, unit in units.items())
-    more = ", each a number or `fit`; or `fit` alone" if units is TAKEN else ", in percent"
+    more = ", each a number or `fit`; or `fit` alone" if units is TAKEN else ", in percent, none negative"
     raise ValueError(f"{option}: `{part}` found, some of `{wanted}`{more}, expected.")
 
 

@@ -428,10 +428,10 @@ def with_other_filters(experiments: Sequence[Experiment]) -> Iterator[list[Exper
 
 
 def select_reported(form: Form, causes: Collection[str] = ()) -> Matrix:
-    """Select what is told of what is fitted, of causes but for the places of edges, and of the resistance.
+    """Matrix that selects what is reported from what is fitted.
 
-    These are the parameters, then the resistance with the factor on it, then the causes; the numbers of a gap law are
-    told apart.
+    That is the parameters, then the resistance with the factor on it, then the causes but for the places of edges. The
+    numbers of a gap law are reported apart.
     """
     n = len(form.fitted)
     T, told = np.eye(n + len(causes) + 1), sum(not is_place(name) for name in causes)

@@ -59,7 +59,7 @@ def valve(par: Device) -> solenoid_valve.Parameters:
 
 
 def with_losses(par: Device) -> lossy_valve.Parameters:
-    """With losses, which are none as yet."""
+    """With parameters of losses, which are 0 at first."""
     if isinstance(par, lossy_valve.Parameters):
         return par
     return lossy_valve.Parameters(

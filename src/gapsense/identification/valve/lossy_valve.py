@@ -22,7 +22,7 @@ from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import fabs, square, where
 
 SLOW = 1e-4  # part of a time constant up to which a mean is that of the ends
-TINY = 1e-9  # flux linkage, relative to saturation, that is none
+TINY = 1e-9  # flux linkage, relative to saturation, that counts as none
 
 __all__ = ["Inputs", "Outputs", "Parameters", "State", "initial", "step"]
 

@@ -88,7 +88,7 @@ class Weighted(NamedTuple):
 
     form: Form
     experiments: Sequence[Experiment]
-    simulated: Callable[[int], None] = lambda samples: None  # is told of so many samples
+    simulated: Callable[[int], None] = lambda samples: None  # called with the samples that were simulated
     scale: Vector | None = None  # of steps, see `least_squares`
 
     @property

@@ -83,7 +83,7 @@ def load_library(text: str) -> ctypes.CDLL | None:
 
 
 def _tell(sentence: str) -> None:
-    """Warn of the same thing once, whichever thread finds it; where in the program that was helps nobody."""
+    """Warn of the same thing once, whichever thread finds it; its place in the program would not help."""
     with TELLING:
         _warn(sentence)
 
@@ -160,7 +160,7 @@ def intact(folder: Path, digest: str) -> Path | None:
 
 
 def content_of(file: Path) -> bytes:
-    """What is in a file; nothing if it is none, or others can change it."""
+    """Content of a file; nothing if it is not one, or if others can change it."""
     found = file.lstat()
     if not stat.S_ISREG(found.st_mode):
         return b""

@@ -151,7 +151,7 @@ def cells(sheet: Sheet, kinds: Mapping[str, str]) -> Iterator[dict[str, Any]]:
 
 
 def value(text: str, kind: str) -> Any:
-    """A cell; a number that is none is missing."""
+    """A cell; NaN is shown as missing."""
     if kind == "string":
         return text
     if kind == "bool":
