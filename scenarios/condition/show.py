@@ -16,7 +16,7 @@ from gapsense.report.table import table
 from .cases import CASES, Course
 from .judge import Alarms, Span, shares
 
-LABELS = ("position / mm", "size", "evidence", "verdict")
+LABELS = ("position / mm", "strangeness", "evidence", "verdict")
 VERDICTS = ("learning", "healthy", "worn", "faulty")
 NEEDED = (
     *("actuator.position", "mhe.position", "monitor.strangeness", "monitor.verdict"),

@@ -222,9 +222,14 @@ HEADS = ("record", "R", "turns", "core", "saturation", "spring", "mass", "fricti
 def rows(found: Sequence[Outcome]) -> list[tuple[str, ...]]:
     """Largest errors in percent, and whether `identify` calls the record explained."""
     return [
-        (o.condition.name, *(f"{100.0 * o.errors[name]:.2g}" for name in SHOWN), "yes" if o.is_explained else "no")
+        (o.condition.name, *(percent(o.errors[name]) for name in SHOWN), "yes" if o.is_explained else "no")
         for o in found
     ]
+
+
+def percent(share: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{100.0 * share:.2g}'):g}"
 
 
 def outcome_table(found: Sequence[Outcome]) -> Table:

@@ -102,7 +102,7 @@ def test_cluster_without_its_package_is_told(study, fmus, tmp_path, monkeypatch)
     assert (code, said) == (2, "distributed is needed but not installed: `pip install 'gapsense[campaign]'`.\n")
 
 
-@pytest.mark.parametrize("command", ["campaign", "sweep"])
+@pytest.mark.parametrize("command", ["campaign", pytest.param("sweep", marks=pytest.mark.slow)])
 def test_full_disk_is_told_with_the_file_and_costs_nothing_that_was_done(study, fmus, tmp_path, monkeypatch, command):
     given = [study] if command == "campaign" else ["semera_valve", "--seeds", "20"]
     words = [command, *given, "--fmus", fmus, "--out", tmp_path / "out", "--workers", 1, "--engine", "fmu"]

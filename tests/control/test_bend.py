@@ -147,7 +147,9 @@ def whole(state):
     if state.running.command == OPENING:
         state.fluxes[LONGEST:] = state.fluxes[LONGEST - 1]
         state.charges[LONGEST:] = 1.12 * state.charges[LONGEST - 1] / (LONGEST - 1.0) * np.arange(LONGEST)
-    return state._replace(running=state.running._replace(age=490.0, due=bend.due(plan, PAR)), by_model=1.0)
+    return state._replace(
+        running=state.running._replace(age=490.0, due=bend.due(plan, PAR), held=bend.held(plan, PAR)), by_model=1.0
+    )
 
 
 @pytest.mark.parametrize("half", [CLOSING, OPENING])
@@ -236,6 +238,27 @@ def test_mover_that_floats_just_off_its_stop_is_told_unless_noise_may_be_that():
     judged = judged_by_current(near(0.1e-3), PAR)
     assert judged.noted.changed == 1.0 and judged.alarm == 2.0
     assert judged_by_current(near(0.1e-3, noise=20e-3), PAR).alarm == 0.0
+
+
+def held(way, noise=20e-3, wrong=1.0):
+    """A closing that has stayed so far from its stop until its plan has ended, with a wrong flux linkage."""
+    state = near(0.0, noise)
+    z = np.where(np.arange(LONGEST) < 430, way, 0.0) + stops(True, make_mover(PAR))[1]
+    reluctances = np.array([gap(each, make_gap(PAR), PAR.gap_factor, PAR.gap_bend)[0] for each in z])
+    state.charges[LONGEST:] = np.cumsum(FLUX * reluctances) * PAR.sample_time
+    return state._replace(by_model=1.0, fluxes=wrong * state.fluxes)
+
+
+def test_noise_hides_no_mover_that_floats_until_its_plan_ends():
+    """What the flux linkage is wrong by is in the reluctance of the seated mover too, from which it is told."""
+    _, rested = bend.tell_afloat(held(0.0), 0.0, PAR)
+    assert rested > 0.0 and bend.tell_afloat(held(0.0), rested, PAR) == (0.0, rested)
+    assert bend.tell_afloat(held(0.1e-3, noise=2e-3), rested, PAR) == (0.0, rested)
+    for way, alarm, is_faster in ((0.0, 0.0, False), (0.06e-3, 0.0, True), (0.1e-3, 2.0, True)):
+        state = held(way, wrong=1.03)
+        law = laws.read(state.laws, CLOSING)._replace(rested=rested, was_followed=1.0)
+        judged = judged_by_current(state._replace(laws=laws.write(state.laws, CLOSING, law)), PAR)
+        assert judged.alarm == alarm and laws.read(judged.laws, CLOSING).floated == is_faster
 
 
 def test_slowest_approaches_are_as_fast_as_what_noise_adds():

@@ -18,6 +18,7 @@ from gapsense.control.coil import (
     left_open,
     open_flux,
     raise_hold,
+    steady_flux,
     take_estimates,
 )
 from gapsense.estimators.mhe.model import gap, make_gap
@@ -219,3 +220,14 @@ def test_answer_of_the_current_to_a_step_of_the_voltage_is_no_noise():
         u, current = (40.0, 0.7) if k < 20 else (24.0, 0.5)
         coil = integrate_sample(coil, inputs(voltage=u, current=current), True, 0.0, 1.0, PAR)[0]
     assert coil.noise < first_coil(inputs(), PAR).noise
+
+
+@pytest.mark.parametrize(
+    ("off", "is_ending", "changes"), [(-1e-3, False, True), (-1e-3, True, False), (1e-3, True, True)]
+)
+def test_an_estimator_takes_no_flux_linkage_away_where_a_mover_may_stall(off, is_ending, changes):
+    """With 20 mA it took a mover that had stalled before the upper stop for landed; less flux linkage held it there."""
+    coil = first_coil(inputs(), PAR)._replace(flux=10e-3, drawn=0.0, noise=20e-3)
+    told = inputs(estimated_flux_linkage=10e-3 + off, misfit=0.6)
+    after = steady_flux(coil, told, 4e-3, 0.0, True, is_ending, PAR)
+    assert (after.flux != coil.flux) == changes and (after.flux - coil.flux) * off >= 0.0

@@ -109,8 +109,8 @@ def test_runs_end_when_nothing_changes_any_more_and_at_what_is_allowed(lags):
     assert len(lags().steps) == 4
     found = lags(step=0.25, runs=5)  # too coarse for an order
     assert len(found.steps) <= 5
-    early = lags(step=0.25, budget=0.0)
-    assert len(early.steps) == 4 and "0 s of the budget" in early.stopped
+    early = lags(step=0.25, budget=1e-9)
+    assert len(early.steps) == 4 and "1e-09 s of the budget" in early.stopped
 
 
 def test_sampled_noise_is_the_same_at_every_step_and_other_noise_is_told(lags):

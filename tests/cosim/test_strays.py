@@ -22,6 +22,9 @@ CAUSES = {
     "fork_and_hang": "no answer within 1 s, the limit, so its process was ended",
     "close": "its process closed the pipe for its answers, so it was ended",
 }
+PROCESSES = pytest.mark.parametrize(  # of a run; of a component, too, its pipe is closed quickly, below
+    "text", [pytest.param(WHOLE, id="run"), pytest.param(PART, id="component", marks=pytest.mark.slow)]
+)
 HARMLESS = ("child_exits", "child_goes_on", "leave", "leave_away", "chdir")
 
 
@@ -52,7 +55,7 @@ def processes(folder):
     return found
 
 
-@pytest.mark.parametrize("text", [WHOLE, PART], ids=["run", "component"])
+@PROCESSES
 @pytest.mark.parametrize("fault", CAUSES)
 def test_component_that_forks_or_closes_is_ended_and_told(write, fmus, temporary, text, fault):
     with pytest.raises(FmuError) as caught:
@@ -70,13 +73,15 @@ def test_closed_pipe_is_told_however_short_the_limit(write, fmus, temporary, tex
     assert caught.value.cause == f"{CAUSES['close']}, in its step."
 
 
-@pytest.mark.parametrize("text", [WHOLE, PART], ids=["run", "component"])
+@PROCESSES
 @pytest.mark.parametrize("fault", HARMLESS)
 def test_what_a_component_starts_ends_with_a_good_run(write, fmus, temporary, text, fault):
     assert run(write(text.replace("FAULT", fault)), fmus=fmus)["coil.y"][-1] == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("fault", [*CAUSES, "leave_away"])
+@pytest.mark.parametrize(
+    "fault", ["close", "leave_away", *(pytest.param(f, marks=pytest.mark.slow) for f in CAUSES if f != "close")]
+)
 def test_sweep_goes_on_and_leaves_nothing(write, fmus, temporary, fault):
     text = faulty.FAULTY.replace("base_step = 0.1", LIMIT).replace("FAULT", fault)
     swept = sweep(write(text + '[sweep]\n"coil.at" = [0.5, 5.0]\n'), fmus=fmus, workers=1)

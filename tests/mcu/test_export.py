@@ -30,7 +30,7 @@ FLOAT = {
     "semera": 2e-3,
     "solenoid_valve": 1e-3,
 }
-QUICK = ("drive_voltage", "ekf", "integral_estimator", "semera", "sensor")
+QUICK = ("drive_voltage", "ekf", "sensor")
 SOME = [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in FOLDERS]
 CAUSES = "knownConditionTrueFalse"  # guards of divisors are conditions on conditions: compilers drop them
 CHECK = (

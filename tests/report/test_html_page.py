@@ -101,6 +101,7 @@ def test_policy_lets_only_the_scripts_of_the_page_run_and_nothing_be_fetched(pag
     assert not [a for tag, a in page.elements if {"src", "srcset"} & {*a} or a.get("href", "#")[0] != "#"]
 
 
+@pytest.mark.slow
 def test_same_results_give_the_same_bytes_without_the_packages_of_other_extras(tmp_path, monkeypatch):
     """In another process, which has made another page, and in which sets have another order."""
     monkeypatch.chdir(tmp_path)  # commands that repeat a run are those of the working folder

@@ -15,6 +15,7 @@ from gapsense.cosim.regression import Check, Outcome
 from gapsense.fmi.ports import Component, Port
 from gapsense.report import runs as tables
 from gapsense.report.table import quantity, table, text
+from gapsense.scenarios.semera_valve.measuring import percent
 from gapsense.scenarios.semera_valve.show import run_tables
 
 VALVE = Path(__file__).resolve().parents[2] / "scenarios" / "semera_valve"
@@ -50,6 +51,11 @@ def shown(table) -> str:
 )
 def test_quantity_has_four_digits_and_a_prefix_where_one_is_possible(value, unit, text):
     assert quantity(value, unit) == text
+
+
+@pytest.mark.parametrize(("share", "text"), [(2.512, "250"), (8.84e-5, "0.0088"), (0.204, "20"), (0.0, "0")])
+def test_errors_of_measuring_have_no_exponent(share, text):
+    assert percent(share) == text
 
 
 def test_metrics_are_grouped_by_the_titles_of_the_scenario(valve):

@@ -42,6 +42,10 @@ FLOATING, FASTER, DEVIATIONS = 0.25e-3, 0.05, 3.0  # [s], [m/s]
 FAR = 0.03  # of the flux linkage: largest error of it that is allowed for
 OTHER = 0.02  # of the resistance: largest error of an estimator's that is taken away
 FOLLOW = (0.1, 0.2)  # share by which that of closings follows a mover that seems farther away; share of openings
+# halves of the times of two reluctances, and time from the plan's end to the second one [s]; error of a flux linkage by
+# noise from which they are compared; shares by which what is usual follows a lower one, and a higher one
+WIDE, NARROW, HOLDING = 0.6e-3, 0.4e-3, 0.95e-3
+UNSURE, FOLLOW_RESTED = 0.01, (0.3, 0.1)
 HELD = 0.5  # of the flux linkage that balances the spring at the lower stop: with less no mover stays there
 UNKNOWN = 1e3  # error of what was not measured
 AROUND, SHORTER = 3.0, 0.6  # pieces in which the bend at a contact is looked for, two of them before it; their length
@@ -242,6 +246,28 @@ def tell_arrival(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar,
     return is_there, is_absent, seated + where(is_told & not_(is_absent & is_closing), follows, 0.0)
 
 
+def tell_afloat(state: State, rested: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+    """Tell how much more reluctance than the last ones a closing had with noise, as a share, and the new `rested`.
+
+    That is the reluctance after the planned arrival, over the root of the one with which the mover is held then: an
+    error of the flux linkage is in both, so noise moves their ratio less.
+    """
+    running, T_s = state.running, par.sample_time
+    n, m = (floor(time / T_s + 0.5) for time in (WIDE, NARROW))
+    held, last = running.held, running.age - 1.0 - m
+    held = where(held < last, held, last)
+    told, latest = told_at(running, par), held - m - n
+    told = where(told < latest, told, latest)
+    is_kept = (running.command > 0.5) & (held + m < LONGEST) & (told >= running.due)
+    at, late = (LONGEST + where(is_kept, k, n + m) for k in (told, held))
+    is_noisy = wandering(state.coil, par) > UNSURE * _large(load(state.fluxes, at))
+    later = _reluctance(state, late, m, par)
+    found = _reluctance(state, at, n, par) / sqrt(where(later > 0.0, later, 1.0))
+    is_known, follows = rested > 0.0, where(found < rested, *FOLLOW_RESTED)
+    more = where(is_kept & is_noisy & is_known, found / where(is_known, rested, 1.0) - 1.0, 0.0)
+    return more, rested + where(is_kept & is_noisy, where(is_known, follows, 1.0) * (found - rested), 0.0)
+
+
 def _estimated_share(state: State, is_closing: Scalar, at: Scalar, par: Parameters) -> Scalar:
     """Part of the stored flux linkage that comes from an estimator: one that takes a mover for landed pulls it there.
 
@@ -268,6 +294,11 @@ def _reluctance(state: State, at: Scalar, n: Scalar, par: Parameters, off: Scala
 def due(plan: Operation, par: Parameters) -> Scalar:
     """Sample at which the mover is to have arrived."""
     return floor((plan.lead + arrival(plan) + SEATED) / par.sample_time)
+
+
+def held(plan: Operation, par: Parameters) -> Scalar:
+    """Sample at which the voltage has held the mover for a while."""
+    return floor((plan.lead + plan.travel + plan.tail + HOLDING) / par.sample_time)
 
 
 def piece(noise: Scalar, par: Parameters) -> Scalar:

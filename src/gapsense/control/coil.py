@@ -295,11 +295,14 @@ def steadied_error(coil: Coil, par: Parameters) -> Scalar:
     return sqrt(0.5 * coil.resistance * coil.noise * par.sample_time * STEADYING)
 
 
-def steady_flux(coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
+def steady_flux(
+    coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noisy: Scalar, is_ending: Scalar, par: Parameters
+) -> Coil:
     """Draw the flux linkage to that of an estimator, which does not sum up the noise of the current.
 
     If that is noisy, draw faster, but by no more than noise explains since the operation began (`before` had been added
-    then). Otherwise an estimator that wrongly reports a landing would pull the flux linkage away.
+    then). Otherwise an estimator that wrongly reports a landing would pull the flux linkage away. It reports that of a
+    mover that stalls near the end of an opening, and less flux linkage would hold it there, so none is taken away.
     """
     off = inputs.estimated_flux_linkage - coil.flux
     noise = coil.resistance * coil.noise
@@ -307,7 +310,7 @@ def steady_flux(coil: Coil, inputs: Inputs, time: Scalar, before: Scalar, is_noi
     most = BESIDE + EXPLAINED * noise * sqrt(par.sample_time * time)
     is_near = (inputs.misfit < STEADY) & (fabs(off) < WANDERING)
     so_far = coil.drawn - before
-    less = where(so_far > -most, -most - so_far, 0.0)
+    less = where((so_far > -most) & not_(is_ending), -most - so_far, 0.0)
     more = where(so_far < most, most - so_far, 0.0)
     change = where(is_near, share * off, 0.0)
     return shift_flux(coil, where(is_noisy, clip(change, less, more), change))

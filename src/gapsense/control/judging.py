@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import has_floated, is_of_core, landing_speed, moved_earlier, running_plan, tell_arrival
+from gapsense.control.bend import (
+    has_floated,
+    is_of_core,
+    landing_speed,
+    moved_earlier,
+    running_plan,
+    tell_afloat,
+    tell_arrival,
+)
 from gapsense.control.coil import is_quiet, left_open, raise_hold, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
@@ -24,6 +32,7 @@ TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed th
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 AHEAD = 600.0  # speed by the distance that the plan had left at a landing [1/s]
 DROPPED, DROPS = 0.68, 0.5  # travels after the planned arrival: later a mover had been let go; its speed [m/s]
+SLOWER, AFLOAT = 0.08, 0.14  # more reluctance of a closing with a noisy current: it was too slow; its mover floated
 FELT = 0.25  # of a closing that only the current tells: with the second one in a row an ordinary cycle is due
 FORGIVEN = 0.5  # hard impacts, by a soft one
 NOISY = 0.012  # of the flux linkage that balances the spring: what noise may make it wrong by
@@ -97,11 +106,17 @@ def judged_by_current(state: State, par: Parameters) -> State:
     is_hard = is_soft & (speed > AUDIBLE)
     law = laws.read(state.laws, running.command)
     is_there, is_absent, seated = tell_arrival(state, law.seated, par)
+    more, rested = cond(
+        is_soft & not_(by_contact), lambda: tell_afloat(state, law.rested, par), lambda: (0.0, law.rested)
+    )
+    is_absent = is_absent | (more > AFLOAT)
     has_touched = by_contact & (heard.landing > 0.0) & not_(is_after(running, heard.landing, par))
     is_short = is_soft & not_(has_touched) & (is_absent | (by_contact & (heard.landing < 1.0)))
     is_felt = is_soft & is_there & not_(by_contact) & (law.missed > 0.0)
-    law = law._replace(missed=law.missed - where(is_felt, FELT, 0.0), seated=where(is_soft, seated, law.seated))
-    floated = is_soft & not_(by_contact) & has_floated(state, par)
+    law = law._replace(
+        missed=law.missed - where(is_felt, FELT, 0.0), seated=where(is_soft, seated, law.seated), rested=rested
+    )
+    floated = is_soft & not_(by_contact) & (has_floated(state, par) | (more > SLOWER))
     law = law._replace(floated=where(floated, 1.0, 0.0))
     # an estimator may take a closing that floated for landed, or not tell it
     is_slow = floated & (running.command > 0.5) & (law.was_followed > 0.0)

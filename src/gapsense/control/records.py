@@ -170,6 +170,7 @@ class Law(NamedTuple):
     late: Scalar  # of an opening: by which the last one came late, by an estimator or as it floated [s]
     floated: Scalar  # 1: the last one has ended; its mover went on after the planned arrival, by the current
     seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
+    rested: Scalar  # the same of closings, over the root of that once they are held; 0: not known [H^(-1/2)]
 
 
 LAW = len(names(Law))  # numbers in memory
@@ -192,6 +193,7 @@ class Running(NamedTuple):
     since_limit: Scalar  # samples since the last one
     piece: Annotated[Scalar, Whole(0, PIECES)]  # samples of half of the time in which a slope of the current is taken
     due: Annotated[Scalar, Count]  # sample at which the mover is to have arrived
+    held: Annotated[Scalar, Count]  # sample at which the voltage has held it for a while
     is_judged: Scalar  # 1: the estimator has told what became of it
     last_age: Scalar  # samples of the operation before
     last_is_judged: Scalar  # the same of that

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from gapsense.control import correction, laws, learning
-from gapsense.control.bend import due, find_hardest_bend, locate_bend, piece, told_at
+from gapsense.control.bend import due, find_hardest_bend, held, locate_bend, piece, told_at
 from gapsense.control.coil import (
     AVERAGED,
     WARM,
@@ -79,6 +79,7 @@ OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
 PART = 0.5  # of the noise that is warned of: from then on an estimator steadies the flux linkage
+ENDING = 0.6  # of the travel of an opening: from then on a noisy estimator takes a mover that stalls for landed
 AGAIN = 2.0  # averaged operations, after an ordinary one
 TOLD = 15.0  # samples at a limit of the voltage that are told, as a longer travel alone does not mend them
 
@@ -233,6 +234,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
     start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
     is_plain = is_plain | is_there | (state.alarm > 0.0)
+    plan = plan_operation(half, law.speed, law.travel, 0.0, par)
     began = where(inputs.mode == where(is_closing, UPPER, LOWER), 1.0, 0.0)
     balance_flux = sqrt(balance(z0, m))
     is_noisy = state.coil.noise > AVERAGED * usual_current(par)
@@ -254,7 +256,8 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
             averaged=where(is_averaged, _count_averaged(state.running.averaged, is_plain), 0.0),
             reluctance=reluctance_at(z0, par),
             piece=piece(where(is_averaged, state.coil.noise, 0.0), par),
-            due=due(plan_operation(half, law.speed, law.travel, 0.0, par), par),
+            due=due(plan, par),
+            held=held(plan, par),
             last_age=state.running.age,
             last_is_judged=state.running.is_judged,
             drawn_before=state.coil.drawn,
@@ -348,7 +351,8 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     def steady() -> Coil:
         time, is_noisy = running.age * par.sample_time, _is_noisy(state, par, PART)
-        return steady_flux(coil, inputs, time, running.drawn_before, is_noisy, par)
+        is_ending = (running.command < 0.5) & (time > par.opening_lead + ENDING * running.travel)
+        return steady_flux(coil, inputs, time, running.drawn_before, is_noisy, is_ending, par)
 
     coil = cond(state.by_model > 0.0, steady, lambda: coil)
     running = running._replace(
