@@ -11,7 +11,7 @@ BOTH_STOPS = '"stop.lower" = 2e-3\n"stop.upper" = 1e-3\n'
 STOPS = "`stop.lower` is 0.002; expected less than `stop.upper` = 0.001."
 COMMANDS = {
     "build": ("build", "solenoid_valve", "ekf", "--out", "out"),
-    "identify": ("identify", ROOT / "README.md", "--out", "out"),
+    "identify": ("identify", ROOT / "README.md", "--out", "out.toml"),
     "soft-landing": ("soft-landing", "--out", "out"),
     "reduced-fit": ("study", "reduced-fit"),
     "estimate": ("estimate", "record.csv", "--estimator", "ekf", "--figure", "out.png"),
@@ -29,7 +29,7 @@ def refused(gapsense, monkeypatch, tmp_path, command: str, values: str) -> list[
         monkeypatch.chdir(ROOT)
     done = gapsense(*words, "--parameters", tmp_path / "set.toml")
     assert done.exit_code == 2, done.output
-    assert not (tmp_path / "out").exists() and not (tmp_path / "out.png").exists() and not done.stdout
+    assert not any((tmp_path / made).exists() for made in ("out", "out.toml", "out.png")) and not done.stdout
     return done.stderr.splitlines()
 
 

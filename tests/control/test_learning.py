@@ -8,6 +8,7 @@ from gapsense.control import laws, learning, run_to_run
 from gapsense.control.mover import NUMBERS, make_mover, move, squares, start_at_rest
 from gapsense.control.profile import Operation, arrival, flux, stops
 from gapsense.control.records import LONGEST, Heard
+from gapsense.estimators.kalman import Gaussian
 from gapsense.kernels.layout import blank
 
 PAR = parameters()
@@ -35,7 +36,9 @@ def flown(plan, m):
 def learnt(law, half, operations=3):
     """The law after some operations, and how far from its stop a landing is computed, before and after."""
     state, _ = run_to_run.initial(inputs(), PAR)
-    known = laws.write(state.laws, half, laws.first(PAR.closing_travel, 0.0, PAR))
+    known = state.laws
+    for kind in (half, 1.0 - half):
+        known = laws.write(known, kind, laws.first(PAR.closing_travel, 0.0, PAR))
     plan = Operation(half > 0.5, 1.5e-3, 3.4e-3, 3.5e-3, 80e-6, 0.4, 0.0 if half > 0.5 else 20e-3)
     fluxes, takeoff, landing = flown(plan, true_mover(law))
     memory = np.zeros(2 * LONGEST)
@@ -107,7 +110,9 @@ def test_slopes_of_soft_landings_are_steady_and_those_of_an_ordinary_one_are_not
 def test_other_damping_is_found_by_approaches_of_different_speed():
     """What `a`, `b` and `q` cannot be: a mover that is held back while it is fast, and not where it is slow."""
     state, _ = run_to_run.initial(inputs(), PAR)
-    known = laws.write(state.laws, 1.0, laws.forget(laws.first(PAR.closing_travel, 0.0, PAR), 0.0, PAR))
+    law = laws.forget(laws.first(PAR.closing_travel, 0.0, PAR), 0.0, PAR)
+    known = laws.write(state.laws, 1.0, law)
+    known = laws.write(known, 0.0, law._replace(cov=1e6 * np.identity(NUMBERS)))  # nothing is known of openings
     state, true = state._replace(laws=known), true_mover((0.0, 0.0, 0.0, 0.5))
     for speed in 3 * [0.4, 0.25, 0.15, 0.08]:
         plan = Operation(1.0, 1.5e-3, 3.4e-3, 3.5e-3, 80e-6, speed, 0.0)
@@ -125,11 +130,20 @@ def test_other_damping_is_found_by_approaches_of_different_speed():
 
 def test_change_in_each_operation_is_expected_again():
     """Landings that are early again and again, by as much: what is learnt runs ahead; not after an ordinary one."""
-    law, H, noise = laws.first(3.4e-3, 0.0, PAR), np.eye(NUMBERS)[:1], np.array([0.1])
-    steady, still = law, law
+    law, told = laws.first(3.4e-3, 0.0, PAR), (np.array([-0.05]), np.eye(NUMBERS)[:1], np.array([0.1]))
+    steady, still, other = law, law, Gaussian(law.mean, law.cov)
     for _ in range(5):
-        steady = learning._learnt(steady, np.array([-0.05]), H, noise, learning.TREND, np.ones(4))
-        still = learning._learnt(still, np.array([-0.05]), H, noise, 0.0, np.ones(4))
+        steady = learning._learnt(steady, other, told, 10.0, learning.TREND, np.ones(4))
+        still = learning._learnt(still, other, told, 10.0, 0.0, np.ones(4))
     assert steady.trend[0] < 0.0 and not np.any(np.array(still.trend, float))
     assert steady.mean[0] < still.mean[0] < 0.0
     assert not np.any(np.array(laws.forget(steady, 0.0, PAR).trend, float))
+
+
+def test_what_no_landing_tells_is_drawn_towards_the_other_kind_of_operation():
+    own, other = (Gaussian(np.array(mean), 0.01 * np.identity(NUMBERS)) for mean in ((0.3, 0.0, -0.5, 0.05), [0.0] * 4))
+    near, nearer = (learning.draw_near(own, other, within) for within in (1.0, 0.2))
+    assert near.mean[[1, 3]].tolist() == [0.0, 0.05]  # as near as the core explains
+    assert 0.1 < near.mean[0] < 0.28 and -0.45 < near.mean[2] < -0.1
+    assert nearer.mean[3] < 0.05 and abs(nearer.mean[2]) < abs(near.mean[2])  # what a late landing tells is less
+    assert np.allclose(learning.draw_near(own, other, 100.0).mean, own.mean, rtol=0.0, atol=0.0)

@@ -17,7 +17,7 @@ from gapsense.control.records import LONGEST, Law, Parameters, Pass, State
 from gapsense.estimators.kalman import Gaussian, condition
 from gapsense.kernels.elementary import log
 from gapsense.kernels.layout import Array, Scalar, flat, record
-from gapsense.kernels.linalg import diagonal, matrix, vector
+from gapsense.kernels.linalg import diagonal, identity, matrix, vector
 from gapsense.kernels.trace import clip, cond, fabs, load, not_, square, where, where_each
 
 # part of a change that is expected again (of a half bridge, whose flux decays by itself), and kept; cycles until there
@@ -39,6 +39,9 @@ DRIFT = (0.005, 0.005, 0.005, 0.01)  # of a, b, q, r from operation to operation
 # over that with a noisy current; openings with more of q, r would come to float, and then to be hard, in the plane that
 # no landing in time tells
 WILDER = ((4.0, 4.0, 1.0, 1.0), (4.0, 4.0, 4.0, 4.0))
+# a, b, q, r of openings less those of closings: spring, mover and magnet are the same, only the core's past differs;
+# how far from that they may be after a landing in time, and the error of what is beyond
+APART, WITHIN, ALIKE = (0.03, -0.01, 0.035, 0.065), (0.07, 0.05, 0.09, 0.11), 0.15
 STUCK = 0.05  # change of a where the mover did not leave its stop
 
 
@@ -131,7 +134,8 @@ def _conclude_pass(state: State, m: Mover, par: Parameters) -> State:
     is_steady = is_soft & not_(is_noisy) & (state.since_plain > CLEAR)
     wilder = [where(is_noisy, where(course.half > 0.0, closing, opening), 1.0) for opening, closing in zip(*WILDER)]
     again = where(is_steady, where(par.voltage_least < 0.0, TREND, OF_HALF), 0.0)
-    learnt = _learnt(law, innovation, H, noise, again, vector(wilder))
+    within = where(is_noisy, UNKNOWN, 1.0 / (late * late * late))
+    learnt = _learnt(law, _expected(state, course.half), (innovation, H, noise), within, again, vector(wilder))
     return state._replace(laws=laws.write(state.laws, course.half, learnt))
 
 
@@ -141,9 +145,29 @@ def _steady(law: Law, slopes: Sequence[Scalar], share: Scalar) -> Array:
     return vector([old + where(is_first, 1.0, share) * (new - old) for new, old in zip(slopes, law.slopes)])
 
 
-def _learnt(law: Law, innovation: Array, H: Array, noise: Array, again: Scalar, wilder: Array) -> Law:
+def _expected(state: State, half: Scalar) -> Gaussian:
+    """Numbers of an operation, by those of the other kind."""
+    other, sign = laws.read(state.laws, 1.0 - half), where(half > 0.0, -1.0, 1.0)
+    return Gaussian(vector([there + sign * apart for there, apart in zip(other.mean, APART)]), other.cov)
+
+
+def draw_near(own: Gaussian, other: Gaussian, within: Scalar) -> Gaussian:
+    """Draw numbers towards those of the other kind of operation, where they are too far from them.
+
+    What no landing in time tells could go anywhere else, and a stop that is hit, and left again at once, unheard, tells
+    wrong numbers for ever.  After a late landing, which tells little, they are drawn from nearer by.
+    """
+    off = [there - here for there, here in zip(other.mean, own.mean)]
+    beyond = [x - clip(x, -within * most, within * most) for x, most in zip(off, WITHIN)]
+    noise = [where(x == 0.0, UNKNOWN, square(ALIKE) + other.cov[k, k]) for k, x in enumerate(beyond)]
+    return condition(own, vector(beyond), identity(NUMBERS), vector(noise))
+
+
+def _learnt(
+    law: Law, other: Gaussian, told: tuple[Array, Array, Array], within: Scalar, again: Scalar, wilder: Array
+) -> Law:
     """No number changes by much at once; a part of a change is expected again."""
-    q, P = condition(Gaussian(law.mean, law.cov), innovation, H, noise)
+    q, P = draw_near(condition(Gaussian(law.mean, law.cov), *told), other, within)
     change = [clip(new - old, -FARTHEST, FARTHEST) for new, old in zip(q, law.mean)]
     trend = vector([where(again > 0.0, KEEP * old + again * more, 0.0) for old, more in zip(law.trend, change)])
     mean = vector([clip(old + more + ramp, -LARGEST, LARGEST) for old, more, ramp in zip(law.mean, change, trend)])
