@@ -61,6 +61,7 @@ CONDITIONS = {
     "warm": Condition(
         "R +30 % over 200 cycles, 40 V", RESERVE, WARMER, cycles=200, laws=("nominal", "fisher", *LEARNING)
     ),
+    "warm-fast": Condition("R +30 % over all cycles, 40 V", RESERVE, WARMER),
     "worn": Condition("R +30, spring -10, damping +50 % over 200 cycles, 40 V", RESERVE, WORN, cycles=200),
     "no-reserve": Condition("R +30 % over 200 cycles, 30 V", NOTHING, WARMER, cycles=200),
     "half-bridge": Condition(

@@ -69,6 +69,32 @@ def test_resistance_is_the_one_that_closes_the_cycle(R):
     assert learn_resistance(coil, 1.0, 1.0, False, PAR).resistance == pytest.approx(R, rel=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("resistances", "noise", "expected"),
+    [
+        ((48.0, 48.36, 48.72, 49.08), 2e-3, 49.44),
+        ((48.0, 47.64, 47.28, 46.92), 2e-3, 46.56),
+        ((48.0, 48.36, 48.72, 49.08), 20e-3, 49.08),  # may be noise
+        ((48.0, 48.02, 48.0, 48.01), 2e-3, 48.01),
+        ((48.0, 48.0, 48.0, 53.0), 2e-3, 53.0),  # a step
+        ((48.0, 48.0, 53.0, 53.0), 2e-3, 53.0),
+    ],
+)
+def test_resistance_that_drifts_is_expected_to_drift_on(resistances, noise, expected):
+    coil = first_coil(inputs(), PAR)
+    for R in resistances:
+        cycle = driven(R, 48.0)[0]._replace(noise=noise, found=coil.found, step=coil.step)
+        coil = learn_resistance(cycle, 9.0, 1.0, False, PAR)
+    assert coil.resistance == pytest.approx(expected, abs=0.02)
+
+
+def test_resistance_is_that_of_the_loop_itself_where_an_estimator_follows_late():
+    coil, flux = driven(53.0, 48.0)
+    given = inputs(windows=4.0, misfit=1.0, estimated_resistance=52.0, estimated_flux_linkage=flux)
+    assert take_estimates(coil, 1.0, given, PAR).resistance == pytest.approx(53.0, rel=2e-4)
+    assert take_estimates(coil._replace(noise=20e-3), 1.0, given, PAR).resistance == 52.0  # steadier
+
+
 def test_right_resistance_follows_the_flux_linkage():
     coil, flux = driven(48.0, 48.0)
     assert coil.flux == pytest.approx(flux, abs=2e-6)
@@ -166,7 +192,7 @@ def test_mover_that_closes_slowly_is_not_left_open():
 def test_resistance_is_that_of_an_estimator_only_where_it_explains_its_windows():
     """Else ordinary closings would get the voltage of a wrong one, by up to 1.9."""
     given = {"windows": 4.0, "estimated_resistance": 70.0}
-    coil = first_coil(inputs(), PAR)._replace(measured=49.0)
+    coil = first_coil(inputs(), PAR)._replace(measured=49.0, noise=20e-3)
     assert take_estimates(coil, 1.0, inputs(misfit=7.0, **given), PAR).resistance == 49.0
     assert take_estimates(coil, 1.0, inputs(misfit=1.0, **given), PAR).resistance == 70.0
 

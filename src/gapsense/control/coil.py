@@ -13,7 +13,8 @@ FOLLOWED, GAINS = 0.1e-3, (0.5, 1.5)  # time in which the gain of the bridge is 
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]
-TREND = 0.1  # part of a change of the resistance that is expected again
+DRIFTS = 4.5  # errors by noise: where two changes of the resistance are larger it drifts
+TREND = 0.1  # of a mean with a noisy current: part of its change that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
 DRIVEN, RAISED = 0.9, 1.2  # current of an ordinary closing: at least, of the usual one; after one that did not close
 OPEN, AFLOAT = 1.3, 0.8  # of the flux linkage that balances the spring of the open actuator; where the current changes
@@ -240,13 +241,32 @@ def learn_resistance(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scal
     R, end = cycle_resistance(coil, par), last_flux(coil, par)
     off = end - coil.remanence
     slow = follow(cycles, SLOWER)
-    R = where(is_noisy, coil.resistance + slow * (R - coil.resistance), R)
     start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
-    start = where(is_open, start, coil.flux - (R - coil.resistance) * coil.charge)
-    trend = where(cycles > YOUNG, coil.trend + TREND * ((R - coil.measured) - coil.trend), 0.0)
-    return _restart_sums(coil, start)._replace(
-        resistance=R + trend, measured=R, trend=trend, remanence=start, balanced=R
+    new = _follow_resistance(coil, R, where(is_noisy, slow, 1.0), par)
+    start = where(is_open, start, coil.flux - (new.measured - coil.resistance) * coil.charge)
+    slowly = coil.trend + TREND * ((new.measured - coil.measured) - coil.trend)
+    trend = where(is_noisy & (cycles > YOUNG), slowly, 0.0)
+    ahead = where(new.resistance == new.measured, trend, 0.0)
+    return _restart_sums(new, start)._replace(
+        resistance=new.resistance + ahead, trend=trend, remanence=start, balanced=new.measured
     )
+
+
+def _follow_resistance(coil: Coil, R: Scalar, share: Scalar, par: Parameters) -> Coil:
+    """Follow the resistance of a cycle: by a share, or at once and ahead where it drifts.
+
+    It drifts if the last two changes have one direction and are more than noise; the smaller one is expected again. No
+    step, and no noise of a coil that keeps its temperature, is taken for a drift then. Of a large noise some would be.
+    """
+    change, before = R - coil.found, coil.step
+    smaller = where(fabs(change) < fabs(before), change, before)
+    least = HOLDS * usual_current(par) * par.closing_travel
+    charge = where(coil.charge > least, coil.charge, least)
+    noise = coil.resistance * coil.noise * sqrt(par.sample_time / (usual_current(par) * charge))
+    drifts = is_quiet(coil, par) & (change * before > 0.0) & (fabs(smaller) > DRIFTS * noise)
+    measured = where(drifts, R, coil.resistance + share * (R - coil.resistance))
+    ahead = where(drifts, smaller, 0.0)
+    return coil._replace(resistance=measured + ahead, measured=measured, found=R, step=change)
 
 
 def follow(count: Scalar, least: Scalar) -> Scalar:
@@ -255,19 +275,20 @@ def follow(count: Scalar, least: Scalar) -> Scalar:
 
 
 def take_estimates(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) -> Coil:
-    """Take flux linkage and resistance from an estimator at the end of a cycle, once it explains an operation."""
+    """Take the flux linkage from an estimator at the end of a cycle, and once it explains an operation the resistance.
+
+    That is the one with which the loop's own integral ends at that flux linkage, as the estimator's is late if it
+    changes from cycle to cycle. With a noisy current the estimator's is steadier.
+    """
     has_solved = (inputs.windows >= SOLVED) & (inputs.estimated_resistance > 0.0) & (inputs.misfit < STEADY)
-    R = _possible(where(has_solved, inputs.estimated_resistance, coil.measured), par)
+    by_loop = _resistance_of(coil, coil.flux - coil.drawn - inputs.estimated_flux_linkage, par)
+    is_noisy = coil.noise > AVERAGED * usual_current(par)
+    R = where(is_noisy, _possible(inputs.estimated_resistance, par), by_loop)
+    R = where(has_solved, R, coil.measured)
     is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
-    used = where(is_new, R, coil.resistance + SHARE * (R - coil.resistance))
-    balanced = _balance_resistance(coil, cycles, inputs.estimated_flux_linkage, par)
-    return _restart_sums(coil, inputs.estimated_flux_linkage)._replace(resistance=used, measured=R, balanced=balanced)
-
-
-def _balance_resistance(coil: Coil, cycles: Scalar, end: Scalar, par: Parameters) -> Scalar:
-    """Running mean of the resistance with which the loop's own integral over the cycle ends at a flux linkage."""
-    R = _resistance_of(coil, coil.flux - coil.drawn - end, par)
-    return coil.balanced + where(cycles < YOUNG, 1.0, BALANCED) * (R - coil.balanced)
+    new = _follow_resistance(coil, R, where(is_new, 1.0, SHARE), par)
+    balanced = coil.balanced + where(cycles < YOUNG, 1.0, BALANCED) * (by_loop - coil.balanced)
+    return _restart_sums(new, inputs.estimated_flux_linkage)._replace(measured=R, balanced=balanced)
 
 
 def wandering(coil: Coil, par: Parameters) -> Scalar:

@@ -237,7 +237,9 @@ class Coil(NamedTuple):
     calm: Scalar  # samples in a row in which the current has hardly changed
     resistance: Scalar  # in use [ohm]
     measured: Scalar  # that of the last cycle
-    trend: Scalar  # change per cycle
+    found: Scalar  # the same, by that cycle alone
+    step: Scalar  # change of that since the cycle before
+    trend: Scalar  # change per cycle of a mean with a noisy current
     held_voltage: Scalar  # means of late
     held_current: Scalar
     late_current: Scalar  # the same over a longer time
