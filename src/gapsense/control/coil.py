@@ -32,6 +32,7 @@ NOISY, PER_CHANGE = 0.004, 0.886  # noise of the current, of the usual one, at f
 FAR, NEAR = 0.15e-3, 0.15  # an error of the first flux linkage that is corrected at once [Wb], else by this share
 SOLVED = 3.0  # windows of an estimator until its resistance is that of a solved operation, the first one being rest
 STEADY, WANDERING = 3.5, 1e-3  # misfit of an estimator whose flux linkage and resistance are followed; error [Wb]
+OLDER = 0.22e-3  # age of the mean of late, less what eddy currents add to a flux linkage that decays [s]
 STEADYING = 0.5e-3  # if the current is noisy: error of a sample's R i over this is the share that is followed [Wb]
 # what an estimator changes in an operation: standard deviations of what noise sums up, and what else may be wrong [Wb]
 EXPLAINED, BESIDE = 2.0, 0.1e-3
@@ -209,6 +210,12 @@ def open_flux(coil: Coil, par: Parameters) -> Scalar:
     return coil.held_current / reluctance_at(par.stop_upper, par)
 
 
+def last_flux(coil: Coil, par: Parameters) -> Scalar:
+    """Flux linkage of the last current with an open gap; while much of it decays, its mean of late is older [Wb]."""
+    decay = coil.resistance * coil.held_current - coil.held_voltage - SETTLED * par.voltage_hold
+    return open_flux(coil, par) - OLDER * where(decay > 0.0, decay, 0.0)
+
+
 def reluctance_at(z: Scalar, par: Parameters) -> Scalar:
     """Reluctance at a position, current over flux linkage, by the parameters [1/H]."""
     return gap(z, make_gap(par), par.gap_factor, par.gap_bend)[0] + par.core_reluctance / square(par.coil_turns)
@@ -218,7 +225,7 @@ def cycle_resistance(coil: Coil, par: Parameters) -> Scalar:
     """Resistance with which the integral over the cycle ends at the flux linkage of its last current."""
     ahead = coil.resistance * (coil.charge - coil.passed)
     seen = coil._replace(charge=coil.passed)
-    return _resistance_of(seen, coil.flux + ahead - coil.shift - open_flux(coil, par), par)
+    return _resistance_of(seen, coil.flux + ahead - coil.shift - last_flux(coil, par), par)
 
 
 def _resistance_of(coil: Coil, off: Scalar, par: Parameters) -> Scalar:
@@ -231,7 +238,7 @@ def _resistance_of(coil: Coil, off: Scalar, par: Parameters) -> Scalar:
 
 def learn_resistance(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scalar, par: Parameters) -> Coil:
     """Learn the resistance at the end of a cycle: the last one plus its trend, or a mean where noise is large."""
-    R, end = cycle_resistance(coil, par), open_flux(coil, par)
+    R, end = cycle_resistance(coil, par), last_flux(coil, par)
     off = end - coil.remanence
     slow = follow(cycles, SLOWER)
     start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
