@@ -13,6 +13,7 @@ from gapsense.control.coil import (
     first_coil,
     integrate_sample,
     is_scarce,
+    last_flux,
     learn_resistance,
     learn_zero,
     left_open,
@@ -93,6 +94,14 @@ def test_resistance_is_that_of_the_loop_itself_where_an_estimator_follows_late()
     given = inputs(windows=4.0, misfit=1.0, estimated_resistance=52.0, estimated_flux_linkage=flux)
     assert take_estimates(coil, 1.0, given, PAR).resistance == pytest.approx(53.0, rel=2e-4)
     assert take_estimates(coil._replace(noise=20e-3), 1.0, given, PAR).resistance == 52.0  # steadier
+
+
+@pytest.mark.parametrize("samples, left", [(520, 0.34), (560, 0.35), (1000, 1.0)], ids=["decays", "later", "settled"])
+def test_last_flux_linkage_of_a_decaying_current_is_not_that_of_its_mean(samples, left):
+    coil, flux = driven(50.0, 50.0, samples=samples)
+    off = open_flux(coil, PAR) - flux
+    assert last_flux(coil, PAR) - flux == pytest.approx(left * off, abs=0.05 * off)  # eddy currents have the rest
+    assert coil.held_current > 0.0 and off > 0.0
 
 
 def test_right_resistance_follows_the_flux_linkage():
