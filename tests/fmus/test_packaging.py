@@ -233,7 +233,7 @@ def test_command_line_refuses_unknown_names(tmp_path: Path) -> None:
     command = [sys.executable, str(ROOT / "build_fmus.py"), "Nonsense", "--out", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, env={"PYTHONPATH": str(ROOT / "src")})
     assert done.returncode == 2
-    assert "no component Nonsense" in done.stderr and "Traceback" not in done.stderr
+    assert "there is no component `Nonsense`" in done.stderr and "Traceback" not in done.stderr
 
 
 # The archive ----------------------------------------------------------------------------------------------------------

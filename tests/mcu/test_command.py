@@ -85,7 +85,7 @@ def test_lean_is_another_form_of_those_that_have_one(tmp_path: Path) -> None:
         (("semera", "--set", "noise.current"), "`parameter=value` expected. Correct it."),
         (("semera", "--set", "coil.turns=1", "--set", "coil.turns=2"), "coil.turns: given twice. Keep one."),
         (("semera", "--set", "noise.current=-1"), "semera: `noise.current` is -1; expected at least 0 A."),
-        (("semra",), "no component semra"),
+        (("semra",), "there is no component `semra` in "),
         (("ekf", "--lean"), "--lean: `ekf`: only `semera` has such a form. Leave it out."),
     ],
 )

@@ -13,8 +13,8 @@ FOLLOWED, GAINS = 0.1e-3, (0.5, 1.5)  # time in which the gain of the bridge is 
 RECENT, LATE = 0.32e-3, 0.8e-3  # time constants of the means of late, and of that which tells the zero [s]
 LOWEST, HIGHEST = 0.6, 1.9  # resistance, over that which is believed
 SETTLED, CALM = 0.01, 1.5e-3  # of the usual current: a change within the times above that is none; for so long [s]
-DRIFTS = 4.5  # errors by noise: where two changes of the resistance are larger it drifts
-TREND = 0.1  # of a mean with a noisy current: part of its change that is expected again
+DRIFTS = 9.0  # errors by noise: a change of the resistance that is farther from its trend has another one
+TREND = 0.1  # part of a change of the resistance that is expected again
 OFFSET = 0.05  # of the usual current: an offset is less
 DRIVEN, RAISED = 0.9, 1.2  # current of an ordinary closing: at least, of the usual one; after one that did not close
 OPEN, AFLOAT = 1.3, 0.8  # of the flux linkage that balances the spring of the open actuator; where the current changes
@@ -242,31 +242,29 @@ def learn_resistance(coil: Coil, cycles: Scalar, is_open: Scalar, is_noisy: Scal
     off = end - coil.remanence
     slow = follow(cycles, SLOWER)
     start = coil.remanence + where(is_noisy, slow, where(fabs(off) > FAR, 1.0, NEAR)) * off
-    new = _follow_resistance(coil, R, where(is_noisy, slow, 1.0), par)
+    new = _follow_resistance(coil, R, where(is_noisy, slow, 1.0), where(cycles > YOUNG, TREND, 0.0), par)
     start = where(is_open, start, coil.flux - (new.measured - coil.resistance) * coil.charge)
-    slowly = coil.trend + TREND * ((new.measured - coil.measured) - coil.trend)
-    trend = where(is_noisy & (cycles > YOUNG), slowly, 0.0)
-    ahead = where(new.resistance == new.measured, trend, 0.0)
-    return _restart_sums(new, start)._replace(
-        resistance=new.resistance + ahead, trend=trend, remanence=start, balanced=new.measured
-    )
+    return _restart_sums(new, start)._replace(remanence=start, balanced=new.measured)
 
 
-def _follow_resistance(coil: Coil, R: Scalar, share: Scalar, par: Parameters) -> Coil:
-    """Follow the resistance of a cycle: by a share, or at once and ahead where it drifts.
+def _follow_resistance(coil: Coil, R: Scalar, share: Scalar, gain: Scalar, par: Parameters) -> Coil:
+    """Follow the resistance of a cycle by a share, and its trend by a gain.
 
-    It drifts if the last two changes have one direction and are more than noise; the smaller one is expected again. No
-    step, and no noise of a coil that keeps its temperature, is taken for a drift then. Of a large noise some would be.
+    A change that is farther from the trend than noise explains ends the trend, as no step is expected again. The second
+    one in a row and in one direction begins a new one: the smaller one of both. A large noise hides both.
     """
     change, before = R - coil.found, coil.step
     smaller = where(fabs(change) < fabs(before), change, before)
     least = HOLDS * usual_current(par) * par.closing_travel
     charge = where(coil.charge > least, coil.charge, least)
-    noise = coil.resistance * coil.noise * sqrt(par.sample_time / (usual_current(par) * charge))
-    drifts = is_quiet(coil, par) & (change * before > 0.0) & (fabs(smaller) > DRIFTS * noise)
+    noise = DRIFTS * coil.resistance * coil.noise * sqrt(par.sample_time / (usual_current(par) * charge))
+    is_told = is_quiet(coil, par)
+    is_off = is_told & (fabs(change - coil.trend) > noise)
+    drifts = is_off & (change * before > 0.0) & (fabs(smaller) > noise)
     measured = where(drifts, R, coil.resistance + share * (R - coil.resistance))
-    ahead = where(drifts, smaller, 0.0)
-    return coil._replace(resistance=measured + ahead, measured=measured, found=R, step=change)
+    slowly = coil.trend + gain * ((measured - coil.measured) - coil.trend)
+    trend = where(drifts, smaller, where((is_told | (gain > 0.0)) & not_(is_off), slowly, 0.0))
+    return coil._replace(resistance=measured + trend, measured=measured, trend=trend, found=R, step=change)
 
 
 def follow(count: Scalar, least: Scalar) -> Scalar:
@@ -286,9 +284,9 @@ def take_estimates(coil: Coil, cycles: Scalar, inputs: Inputs, par: Parameters) 
     R = where(is_noisy, _possible(inputs.estimated_resistance, par), by_loop)
     R = where(has_solved, R, coil.measured)
     is_new = (cycles < YOUNG) | (fabs(R - coil.resistance) > JUMPED * coil.resistance)
-    new = _follow_resistance(coil, R, where(is_new, 1.0, SHARE), par)
+    new = _follow_resistance(coil, R, where(is_new, 1.0, SHARE), where(is_noisy | is_new, 0.0, TREND), par)
     balanced = coil.balanced + where(cycles < YOUNG, 1.0, BALANCED) * (by_loop - coil.balanced)
-    return _restart_sums(new, inputs.estimated_flux_linkage)._replace(measured=R, balanced=balanced)
+    return _restart_sums(new, inputs.estimated_flux_linkage)._replace(balanced=balanced)
 
 
 def wandering(coil: Coil, par: Parameters) -> Scalar:
