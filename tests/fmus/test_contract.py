@@ -20,17 +20,13 @@ from xml.etree.ElementTree import Element
 import pytest
 from drivers import call, communication_step, fresh
 from fmpy.validation import validate_fmu
-from parts import FEW, FOLDERS, Part, some
+from parts import EASY, FEW, FOLDERS, Part, some
 
 from gapsense.units import UNITS
 
 ERROR = 3
 FAULTS = ("exception", "nothing", "nan", "infinite")  # of drivers.FAULTS
 ALIKE = pytest.mark.parametrize("part", some(*FEW), indirect=True)  # of code that all FMUs share
-OTHERS = [
-    folder.name for folder in FOLDERS if folder.name != "mhe"
-]  # which takes 5 s of Python; its native one is quick
-EASY = pytest.mark.parametrize("part", some(*OTHERS), indirect=True)
 EXITS = [4, pytest.param(50, marks=pytest.mark.slow)]  # processes that end
 
 
@@ -347,7 +343,7 @@ def in_c_host(program: Path, folders: list[Path], step: float) -> int:
 # Expected results -----------------------------------------------------------------------------------------------------
 
 
-@EASY
+@pytest.mark.parametrize("part", some(*EASY), indirect=True)
 def test_reproduces_its_reference(part: Part, fmu: str) -> None:
     """The file holds what the FMU gave when `python tests/fmus/make_references.py` was last run."""
     file = part.folder / "reference.csv"
