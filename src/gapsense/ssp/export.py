@@ -100,7 +100,6 @@ def export(source: Source, path: Path, variant: str | None = None, fmus: str | P
     members = {DESCRIPTION: description(made), VALUES: serialise(every)}
     if wrong := [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]:
         raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {line}" for line in wrong])
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: pack(file.buffer, members, {**made.sources, **made.files}))
     return [*carried.notes(scenario, document.data), *notes(made)]
 

@@ -319,7 +319,6 @@ def write_document(document: Document, path: Path) -> None:
     """Write a scenario file; what it names by a relative path is found from there too."""
     import tomli_w  # here, so that a run that writes no file starts fast
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     data = rebase_tables(document.data, FILE, document.path.parent.resolve(), path.parent.resolve())
     text = tomli_w.dumps(data, multiline_strings="\\r" not in repr(data))  # over several lines TOML drops these
     write_atomically(path, lambda file: print(text, end="", file=file))
