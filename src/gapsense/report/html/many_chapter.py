@@ -15,7 +15,7 @@ import numpy as np
 from gapsense.many import summary
 from gapsense.many.provenance import EVENTS
 from gapsense.problems import number_of
-from gapsense.report.distributions import Bars, Distributions, Points, name_level
+from gapsense.report.distributions import Bars, Distributions, name_level
 from gapsense.report.html import style
 from gapsense.report.html.figures import Chapter, Drawn, Entry, Verdict, blank, fitting, limits
 from gapsense.report.html.many import Many
@@ -230,7 +230,7 @@ class Drawer:
         unit = self.many.unit(factor)
         if isinstance(found, Bars):
             bars(made, found, scale)
-        elif isinstance(found, Points):
+        elif found is None:
             a, b = self.keys[factor], self.keys[metric]
             look = {"alpha": 0.8 if self.many.campaign.rows < FEW else 0.45, "selection_alpha": 1.0}
             # Points that are not selected are faint once some are.
