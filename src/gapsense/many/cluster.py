@@ -180,21 +180,16 @@ class Feeder:
         return entries
 
 
-def scheme_of(address: str) -> str:
-    """How an address is spoken to; an InputError if it is none, of which a client would be rid after a minute only."""
-    try:
+def check_encryption(address: str) -> Security:
+    """What Dask's own settings say of encryption; an InputError if the address does not go with them, or is none."""
+    try:  # a client would be rid of one that is none after a minute only
         scheme, place = parse_address(address)
         get_backend(scheme).get_address_host(place)  # type: ignore[no-untyped-call]
     except (ValueError, OSError) as error:
         problem = f"`{address}` is not an address of a Dask scheduler ({error}). Give one such as `tcp://HOST:8786`."
         raise InputError([problem]) from None
-    return str(scheme)
-
-
-def check_encryption(address: str) -> Security:
-    """What Dask's own settings say of encryption; an InputError if the address does not go with them."""
     security = Security()  # type: ignore[no-untyped-call]
-    if scheme_of(address) not in ENCRYPTED:
+    if scheme not in ENCRYPTED:
         if security.require_encryption:
             raise InputError([f"`{address}` is not encrypted, but Dask's settings demand it. Give one with `tls://`."])
         return security

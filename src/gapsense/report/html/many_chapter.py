@@ -315,13 +315,8 @@ def draw_all(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
         ]
         for k, (metric, factors) in enumerate(chosen.items())
     }
-    return rows, note + hint(drawer.found.is_counted)
-
-
-def hint(is_counted: bool) -> str:
-    """What the plots show and how they are read."""
-    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
+    how = "A point is a run; chosen in one plot (box select), it is marked in all of them."
+    how = "Stronger where more runs lie." if drawer.found.is_counted else how
+    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}."
     axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost 0.1 %; tables do not."
-    if is_counted:
-        return f"Stronger where more runs lie. {bars}{axes}"
-    return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"
+    return rows, f"{note}{how} {bars} {axes}"
