@@ -89,8 +89,7 @@ def find_scenarios(folder: str | Path) -> list[Path]:
     folder = Path(folder)
     if not folder.is_dir() and (file := scenario_file(folder)).is_file():
         return [file]
-    files = sorted(folder.rglob("scenario.toml"))
-    if not files:
+    if not (files := sorted(folder.rglob("scenario.toml"))):
         raise ScenarioError([f"{folder}: there is no `scenario.toml` in this folder or below. Correct the path."])
     return files
 

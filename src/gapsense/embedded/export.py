@@ -69,8 +69,7 @@ def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: 
 def keep_foreign(texts: Mapping[Path, str]) -> None:
     """Refuse to overwrite files that no export has made, or that were made to be changed and have been changed."""
     there = {path: path.read_text(encoding="utf-8", errors="replace") for path in texts if path.is_file()}
-    foreign = [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]
-    if foreign:
+    if foreign := [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]:
         raise InputError(
             [f"`{path}` exists and is not an exported file. Move it, or choose another folder." for path in foreign]
         )
@@ -210,8 +209,7 @@ def signals(design: Design) -> list[str]:
 
 
 def _table(design: Design, rows: Sequence[Sequence[float]]) -> str:
-    names = signals(design)
-    if not names:
+    if not (names := signals(design)):
         return ""
     units = {port.field: port.unit for port in design.component.of("input")}
     titles = ", ".join(f"{name} [{units[name]}]" for name in names)

@@ -142,8 +142,7 @@ class Feeder:
     def fill(self, pending: Pending) -> None:
         """Send tasks until the queue is long enough."""
         while len(self.flying) < AHEAD * self.threads:
-            numbers = [self.again.popleft()] if self.again else list(islice(pending, self.size()))
-            if not numbers:
+            if not (numbers := [self.again.popleft()] if self.again else [*islice(pending, self.size())]):
                 return
             runs = [(number, self.many.request(number)) for number in numbers]
             future = self.client.submit(perform, self.name, runs, key=f"{self.name}-{uuid4().hex}", pure=False)

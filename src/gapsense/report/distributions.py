@@ -65,9 +65,8 @@ class Distributions:
     def over(self, metric: str, factor: str) -> Over:
         """A metric over a parameter."""
         if (values := self.levels[factor]) is not None:
-            groups = summary.group_metric(self.campaign, factor, metric, values)
-            quantiles = np.array([group.quantiles for group in groups]).reshape(-1, 3)
-            return Bars([name_level(group.value) for group in groups], quantiles, places_of([g.value for g in groups]))
+            quantiles = np.array(summary.group_metric(self.campaign, factor, metric, values)).reshape(-1, 3)
+            return Bars([*map(name_level, values)], quantiles, places_of(values))
         return self.clouds[factor, metric] if self.is_counted else Points(factor, metric)
 
 

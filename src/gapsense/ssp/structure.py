@@ -14,9 +14,7 @@ from gapsense.ssp.words import FMU_TYPE, TYPES, plain, tag
 Place = tuple[str, ...]  # of an element: names from the outermost system on, without that
 SOURCES, SINKS = ("output", "calculatedParameter"), ("input", "parameter")
 DEEPEST = 50  # levels of systems
-REFUSED = {  # elements that nothing is made of
-    "ssd:SignalDictionaryReference": "a signal dictionary"
-}
+REFUSED = {"ssd:SignalDictionaryReference": "a signal dictionary"}  # elements that nothing is made of
 
 
 class Connector(NamedTuple):
@@ -120,8 +118,7 @@ def read_link(xml: Xml) -> Link:
 
 def read_transformation(xml: Xml) -> tuple[Line, str]:
     """Linear transformation of a connection or of an entry of a mapping, and the name of another one."""
-    found = next((child for child in xml if plain(child.tag).endswith("Transformation")), None)
-    if found is None:
+    if (found := next((child for child in xml if plain(child.tag).endswith("Transformation")), None)) is None:
         return Line(), ""
     if plain(found.tag) != "ssc:LinearTransformation":
         return Line(), plain(found.tag)

@@ -17,7 +17,7 @@ from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpack_fmu
 from gapsense.cosim.fmu.remote import RemoteInstance, RemoteInstance3
-from gapsense.cosim.run.events import Director, explain_error
+from gapsense.cosim.run.events import Director
 from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer
 from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, place, player
@@ -205,7 +205,7 @@ class Master:
                 with suppress(FmuError) if part.ended else nullcontext():
                     part.instance.call("fmi2Terminate")
         except FmuError as error:
-            recording.error = explain_error(error, self.director.losing(error.instance))
+            recording.error = self.director.explain(error)
             self.abandon(error.instance)
         except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
             recording.interrupted = True
