@@ -373,23 +373,18 @@ class Checker:
             drivers.setdefault(connection.target, []).append(connection.place)
         for port in (*self.scenario.inputs, *self.scenario.played):
             drivers.setdefault(port, []).append(f"inputs.{port}")
-        for port, place in self.find_start_values():
-            drivers.setdefault(port, []).append(place)
+        for name, description in self.descriptions.items():
+            given = self.scenario.components[name].values
+            for port in (Port(name, variable.name) for variable in description.of("input")):
+                if port.variable in given:
+                    drivers.setdefault(port, []).append(f"components.{name}.set")
+                elif port in self.scenario.swept:
+                    drivers.setdefault(port, []).append(f"sweep.{port}")
         for port, places in drivers.items():
             if len(places) > 1:
                 yield f"{places[-1]}: `{port}` is driven {len(places)} times, by {', '.join(places)}. Keep one."
         if not self.broken & {"connections", "inputs"}:
             yield from self.idle(drivers)
-
-    def find_start_values(self) -> Iterator[tuple[Port, str]]:
-        """Find inputs to which the `set` of their component or else a sweep gives a value, and where."""
-        for name, description in self.descriptions.items():
-            given = self.scenario.components[name].values
-            for port in (Port(name, variable.name) for variable in description.of("input")):
-                if port.variable in given:
-                    yield port, f"components.{name}.set"
-                elif port in self.scenario.swept:
-                    yield port, f"sweep.{port}"
 
     def idle(self, drivers: Mapping[Port, list[str]]) -> Iterator[str]:
         """Inputs that nothing drives."""
