@@ -35,7 +35,7 @@ APART, DOUBTFUL = 0.12, 6.0
 AFLOAT, LEAVING = 0.79, 0.75  # of the reluctance at this share of a closing's lead: with less an opening floats
 # of that of a seated mover: beyond this and so many standard deviations of noise, at most the second, a closing is not
 # felt to have arrived
-BESIDE, FARTHEST_BESIDE = 0.015, 0.08
+BESIDE, FARTHEST_BESIDE = 0.022, 0.08
 SATURATED = 0.2  # speed at a landing that its core explains: from then on it is taken away [m/s]
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
