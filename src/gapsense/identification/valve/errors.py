@@ -42,7 +42,7 @@ from gapsense.identification.causes import (
     is_place,
     of_record,
 )
-from gapsense.identification.least_squares import Matrix, Vector, differences, independent, long_run, rms
+from gapsense.identification.least_squares import Matrix, Vector, differences, independent, long_run, rms, square
 from gapsense.identification.measurements.operations import Operation, trapezoid
 from gapsense.identification.measurements.prepare import hidden_level, remaining
 from gapsense.identification.measurements.record import seen_ends
@@ -55,7 +55,6 @@ from gapsense.identification.valve.model import (
     Response,
     balance,
     charge,
-    cost,
     mean_resistance,
     part,
     pooled_resistance,
@@ -561,13 +560,13 @@ def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> 
         return [doubt * slope]
     alike = np.array([GOES_WITH.get(name, {}).get(fitted, 0.0) for fitted in form.fitted])
     sides = [min(doubt, bound(B + J @ slope, r))] if one_sided else [-doubt, doubt]
-    return [refit(at, change, by, (slope, alike), cost(r)) for by in sides]
+    return [refit(at, change, by, (slope, alike), square(r)) for by in sides]
 
 
 def bound(left: Vector, r: Vector) -> float:
     """How far off a value may be by the residuals, of which a change leaves so much."""
     size = max(float(left @ left), TINY)
-    return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(cost(r) / independent(r) / size))
+    return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(square(r) / independent(r) / size))
 
 
 def refit(at: Ended, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float) -> Vector:

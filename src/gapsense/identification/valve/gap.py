@@ -17,10 +17,10 @@ from gapsense.actuators.magnetics import MU_0
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
 from gapsense.identification.gap_law import motion
 from gapsense.identification.gap_law.laws import Law, Vector, best_law, candidates, rows
-from gapsense.identification.gap_law.motion import KNOWN, Measured, Trial, evidence, scale_law, square, trials
+from gapsense.identification.gap_law.motion import KNOWN, Measured, Trial, evidence, scale_law, trials
 from gapsense.identification.gap_law.show import fields
 from gapsense.identification.gap_law.table import read_inductances, remarks
-from gapsense.identification.least_squares import rms
+from gapsense.identification.least_squares import rms, square
 from gapsense.identification.measurements.operations import estimate, operations
 from gapsense.identification.measurements.record import Record, read_each
 from gapsense.identification.measurements.signals import hidden, noise

@@ -37,8 +37,10 @@ from gapsense.identification.valve.driver import TAKEN
 from gapsense.identification.valve.errors import likely_causes
 from gapsense.identification.valve.fit import Identified
 from gapsense.identification.valve.form import (
+    BOUND,
     FACTOR,
     FILTER,
+    LIMITS,
     LOSSES,
     TABLE_FIELDS,
     Device,
@@ -355,7 +357,7 @@ def _describe_undetermined(result: Identified) -> list[str]:
     said = [UNSATURATED] if result.is_unsaturated else []
     for name in [n for n in result.at_bounds if not (n == "core_saturation" and result.is_unsaturated)]:
         said.append(
-            f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess, so"
+            f"`{PORTS[name].name}` ends at a limit of the search, {LIMITS.get(name, BOUND):g} times its first guess, so"
             " that it has no standard error, and those of the others are too small: give a better guess."
         )
     for name in result.held:
