@@ -22,7 +22,7 @@ the motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -42,13 +42,22 @@ from gapsense.identification.causes import (
     is_place,
     of_record,
 )
-from gapsense.identification.least_squares import Matrix, Vector, differences, independent, long_run, rms, square
+from gapsense.identification.least_squares import (
+    Matrix,
+    Vector,
+    differences,
+    independent,
+    long_run,
+    minimise,
+    rms,
+    square,
+)
 from gapsense.identification.measurements.operations import Operation, trapezoid
 from gapsense.identification.measurements.prepare import hidden_level, remaining
 from gapsense.identification.measurements.record import seen_ends
 from gapsense.identification.residual import Residual
 from gapsense.identification.valve.form import FACTOR, FILTER, SHAPE, Device, Form, multiply, replace_values, value_of
-from gapsense.identification.valve.minimise import Fit, Weighted
+from gapsense.identification.valve.minimise import EXACT, LONGEST, Weighted
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
@@ -506,14 +515,6 @@ GOES_WITH: Mapping[str, Mapping[str, float]] = {  # powers by which fitted value
 }
 
 
-class Ended(NamedTuple):
-    """Where the fit ended."""
-
-    form: Form
-    ratios: Vector
-    experiments: list[Experiment]
-
-
 def shift(known: Device, name: str, by: float, tied: Collection[str] = ()) -> Device:
     """The device with another value: e^by times as large, or by that part; `tied` fields go with the stroke."""
     lower, upper = float(value_of(known, "stop_lower")), float(value_of(known, "stop_upper"))
@@ -530,29 +531,45 @@ def shift(known: Device, name: str, by: float, tied: Collection[str] = ()) -> De
     return replace_values(known, **old, initial_position=stops.get(start, start))
 
 
-def add_doubts(at: Ended, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()) -> Uncertainty:
-    """The uncertainty with what doubts about held fields add, each by itself; see `shift`."""
-    effects = [
-        largest([np.outer(x, x) for x in move_by_doubt(at, name, doubt, tied)]) for name, doubt in doubts.items()
-    ]
-    if not effects:
+def add_doubts(
+    p: Weighted, ratios: Vector, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()
+) -> Uncertainty:
+    """The uncertainty at a minimum with what doubts about held fields add, each by itself; see `shift`."""
+    if not doubts:
         return found
-    added, names = sum(effects[1:], effects[0]), list(at.form.fitted)
-    T = select_reported(at.form, found.causes)[:, : len(names)]
-    return widen(found, T @ added @ T.T, {name: float(added[k, k]) for k, name in enumerate(names)})
+    moves = [move_by_doubt(p, ratios, name, doubt, tied) for name, doubt in doubts.items()]
+    added: Matrix = np.sum([largest([np.outer(x, x) for x in sides]) for sides in moves], axis=0)
+    T = select_reported(p.form, found.causes)[:, : ratios.size]
+    return widen(found, T @ added @ T.T, {name: float(added[k, k]) for k, name in enumerate(p.form.fitted)})
 
 
-def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
+def move_by_doubt(p: Weighted, ratios: Vector, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
     """What becomes of the logarithms of what is fitted, if a held value is off to either side."""
-    form, one_sided = at.form, bool(scale(name.replace("_", ".")).parts)  # which may be 0, and not less
+    form, one_sided = p.form, bool(scale(name.replace("_", ".")).parts)  # which may be 0, and not less
 
-    def change(by: float) -> Device:
-        return shift(form.known, name, by, tied)
+    def change(by: float) -> Form:
+        return form._replace(known=shift(form.known, name, by, tied))
 
     def residuals(by: float) -> Vector:
-        return np.asarray(Weighted(form._replace(known=change(by)), at.experiments).residuals([at.ratios])[0])
+        return np.asarray(p._replace(form=change(by)).residuals([ratios])[0])
 
-    J, r = Weighted(form, at.experiments).jacobian(at.ratios), residuals(0.0)
+    def refit(by: float, slopes: Sequence[Vector], before: float) -> Vector:
+        """From where slopes lead; where the records do not allow a change, by a smaller one."""
+        for _ in range(TRIALS):
+            form, ends = change(by), list[tuple[Vector, float]]()
+            for start in (ratios + by * slope for slope in slopes):  # around which the bounds are
+                law = None if form.law is None else form.law_at(start)
+                around = form._replace(known=form.at(start), law=law)
+                end = minimise(p._replace(form=around), around.start, LONGEST, EXACT)
+                ends.append((start + end.point, square(end.residuals)))
+            found, least = min(ends, key=lambda end: end[1])
+            grown = least / max(before, TINY) - 1.0
+            if grown <= ALLOWED:
+                break
+            by *= float(np.clip(0.9 * np.sqrt(ALLOWED / grown), 0.1, 0.9))
+        return np.asarray(found - ratios)
+
+    J, r = p.jacobian(ratios), residuals(0.0)
     step = doubt if one_sided else STEP
     B = (residuals(step) - (r if one_sided else residuals(-step))) / (step if one_sided else 2.0 * step)
     slope = -np.linalg.pinv(J) @ B
@@ -560,34 +577,13 @@ def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> 
         return [doubt * slope]
     alike = np.array([GOES_WITH.get(name, {}).get(fitted, 0.0) for fitted in form.fitted])
     sides = [min(doubt, bound(B + J @ slope, r))] if one_sided else [-doubt, doubt]
-    return [refit(at, change, by, (slope, alike), square(r)) for by in sides]
+    return [refit(by, (slope, alike), square(r)) for by in sides]
 
 
 def bound(left: Vector, r: Vector) -> float:
     """How far off a value may be by the residuals, of which a change leaves so much."""
     size = max(float(left @ left), TINY)
     return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(square(r) / independent(r) / size))
-
-
-def refit(at: Ended, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float) -> Vector:
-    """The same by fits from where slopes lead; where the records do not allow a change, by a smaller one."""
-    for _ in range(TRIALS):
-        form = at.form._replace(known=change(by))
-        ends = [_end(form, at.ratios + by * slope, at.experiments) for slope in slopes]
-        ratios, least = min(ends, key=lambda end: end[1])
-        grown = least / max(before, TINY) - 1.0
-        if grown <= ALLOWED:
-            break
-        by *= float(np.clip(0.9 * np.sqrt(ALLOWED / grown), 0.1, 0.9))
-    return np.asarray(ratios - at.ratios)
-
-
-def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vector, float]:
-    """The minimum next to a start, around which its bounds are, and the cost there."""
-    law = None if form.law is None else form.law_at(start)
-    fit = Fit(form._replace(known=form.at(start), law=law))
-    ratios = fit.least_squares(fit.form.start, experiments)
-    return start + ratios, fit.cost(ratios, experiments)
 
 
 def widen(found: Uncertainty, added: Matrix, of_shape: Mapping[str, float] = MappingProxyType({})) -> Uncertainty:
