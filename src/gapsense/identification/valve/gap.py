@@ -31,7 +31,7 @@ from gapsense.identification.valve.form import LAWS, Sought, shape, value_of
 from gapsense.identification.valve.model import Trajectory
 from gapsense.identification.valve.show import Known
 from gapsense.problems import InputError
-from gapsense.report.table import quantity, table
+from gapsense.report.table import percent, quantity, table
 
 TURNS = "coil_turns"
 
@@ -203,16 +203,10 @@ def _guess_law(par: Parameters, law: Law) -> tuple[Parameters, tuple[str, ...]]:
 
 def _law_table(trials: Sequence[Trial], best: Trial) -> Table:
     """The laws that were tried."""
-    rows = (
-        (
-            trial.law.name,
-            f"{trial.size}",
-            quantity(rms(trial.left), "A"),
-            f"{worth:.0f}",
-            "taken" if trial is best else "",
-        )
-        for trial, worth in zip(trials, evidence([*trials]))
-    )
+    rows = []
+    for trial, worth in zip(trials, evidence([*trials])):
+        taken = "taken" if trial is best else ""
+        rows.append((trial.law.name, f"{trial.size}", quantity(rms(trial.left), "A"), f"{worth:.0f}", taken))
     return table("Gap laws, by the positions", ("", "numbers", "left of the current", "evidence", ""), rows)
 
 
@@ -268,7 +262,7 @@ def slopes(result: Identified) -> list[Table | str]:
     made: list[Table | str] = []
     if errors:
         numbers = zip(law.knots, law.numbers, shape(law)[1:])
-        cells = ((quantity(h, "m"), quantity(x, "1/(H.m)"), f"{100.0 * errors[name]:.2g} %") for h, x, name in numbers)
+        cells = ((quantity(h, "m"), quantity(x, "1/(H.m)"), percent(errors[name])) for h, x, name in numbers)
         made.append(table("Slope of the gap reluctance", ("gap", "slope", "standard error"), cells))
     core = float(value_of(result.parameters, "core_reluctance"))
     return [
