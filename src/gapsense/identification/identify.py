@@ -219,7 +219,8 @@ def identify(given: Given, to: Path, starts: int, seed: int, progress: Progress)
     given.ask()
     start = find_gap(par, given.records, given.sought, given.inductance, open_, period)
     given.ask_for(start.parameters, start.sought)
-    result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
+    sought = start.conventions, start.sought, given.drive
+    result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *sought)
     return finish_valve(given, start, result, told, to)
 
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -61,11 +61,9 @@ from gapsense.identification.valve.minimise import EXACT, LONGEST, Weighted
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
-    Response,
     balance,
     charge,
     mean_resistance,
-    part,
     pooled_resistance,
     residuals,
     simulate_batch,
@@ -79,13 +77,6 @@ TINY = 1e-300
 REACH = (1e-5, 0.1)  # least and most of how far a derivative is taken to each side
 
 
-class Slopes(NamedTuple):
-    """By the values of causes, each relative to its scale."""
-
-    residuals: Matrix  # (residuals, causes)
-    resistance: Vector  # of its logarithm (causes,)
-
-
 class Linear(NamedTuple):
     """By what is fitted, parameters and then causes, and by the causes that are not."""
 
@@ -94,19 +85,19 @@ class Linear(NamedTuple):
     believed: Matrix  # likewise, from the believed places of edges, in their deviations (fitted, fitted)
     feedback: Matrix  # what becomes of that by `balance` (fitted, fitted)
     resistance: Vector  # slopes of its logarithm (fitted,)
-    others: Slopes  # by the causes that are not fitted
+    others: Matrix  # slopes of the residuals by the causes that are not fitted (residuals, causes)
+    of_others: Vector  # slopes of the logarithm of the resistance by these (causes,)
 
     @property
     def moved(self) -> Matrix:
         """What each of these causes changes: in what is fitted, and in the resistance (fitted and one, causes)."""
-        moved = -self.feedback @ (self.inverse @ self.others.residuals)
-        return np.asarray(np.vstack([moved, self.others.resistance + self.resistance @ moved]))
+        moved = -self.feedback @ (self.inverse @ self.others)
+        return np.asarray(np.vstack([moved, self.of_others + self.resistance @ moved]))
 
     @property
     def left(self) -> Matrix:
         """What they change beside what is fitted (residuals, causes)."""
-        B = self.others.residuals
-        return np.asarray(B - self.fitted @ (self.inverse @ B))
+        return np.asarray(self.others - self.fitted @ (self.inverse @ self.others))
 
     @property
     def rows(self) -> Matrix:
@@ -130,11 +121,11 @@ def linearise(
     is_wide: bool = False,
 ) -> Linear:
     """The residuals near `ratios`, or as far around as noise leads; `fitted` and `others` are names of causes."""
-    found = slopes(form, ratios, experiments, [*fitted, *others])
+    columns, logarithms = slopes(form, ratios, experiments, [*fitted, *others])
     k, problem = len(fitted), Weighted(form, experiments)
     r = problem.residuals([ratios])[0]
     J = problem.jacobian(ratios, r)
-    J = np.hstack([problem.secants(ratios, reach(J, r)) if is_wide else J, found.residuals[:, :k]])
+    J = np.hstack([problem.secants(ratios, reach(J, r)) if is_wide else J, columns[:, :k]])
     known = np.diag([0.0] * ratios.size + [rms(r) / ANYWHERE * is_place(name) for name in fitted])
     A = np.linalg.pinv(np.vstack([J, known]), rcond=NEGLIGIBLE).astype(np.float64)
     A, believed = A[:, : r.size], A[:, r.size :] @ known * ANYWHERE
@@ -143,13 +134,16 @@ def linearise(
         inverse=A,
         believed=believed,
         feedback=feedback(A, form, ratios, experiments),
-        resistance=np.append(np.zeros(ratios.size), found.resistance[:k]),
-        others=Slopes(found.residuals[:, k:], found.resistance[k:]),
+        resistance=np.append(np.zeros(ratios.size), logarithms[:k]),
+        others=columns[:, k:],
+        of_others=logarithms[k:],
     )
 
 
-def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Slopes:
-    """How causes change the weighted residuals, and the resistance of (23)."""
+def slopes(
+    form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]
+) -> tuple[Matrix, Vector]:
+    """How causes, relative to their scales, change the weighted residuals, and the logarithm of the resistance."""
     at, sizes = [residuals(form, [ratios], [e])[0] for e in experiments], scales(experiments, names)
     columns, logarithms = np.empty((sum(r.size for r in at), len(names))), np.empty(len(names))
     before = np.log(pooled_resistance(experiments))
@@ -162,7 +156,7 @@ def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names:
         ]
         columns[:, k] = np.concatenate(changes) / small
         logarithms[k] = (np.log(pooled_resistance(others)) - before) / small
-    return Slopes(columns, logarithms)
+    return columns, logarithms
 
 
 def reach(slopes: Matrix, r: Vector) -> Vector:
@@ -245,7 +239,7 @@ def _weights(
     for operation in experiment.operations:
         share, at_ends = np.zeros(n), [operation.balanced.start - 1, operation.stop]
         share[operation.balanced], share[at_ends] = 1.0, 0.5
-        slope = _by_resistance(par, experiment, at, operation)
+        slope = _by_resistance(par, experiment, operation)
         W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.balanced].sum())
         pooled -= share / total
     yield np.vstack([W, pooled + by @ W[: by.size]]), experiment.current - at.current
@@ -254,27 +248,16 @@ def _weights(
         yield np.vstack([Z, by @ Z[: by.size]]), experiment.position - at.position
 
 
-def _by_resistance(par: Device, experiment: Experiment, at: Response, operation: Operation) -> Vector:
-    """Slope of the residuals by the logarithm of the resistance of one operation, after which the model is at rest."""
-    alone, cut = part(experiment, operation), slice(operation.start, operation.stop + 1)
+def _by_resistance(par: Device, experiment: Experiment, operation: Operation) -> Vector:
+    """Slope of the residuals by the logarithm of the resistance of one operation."""
 
     def simulate_change(factor: float) -> Vector:
         R = experiment.resistance.copy()
         R[operation.inside] *= factor
-        (found,) = simulate_batch([par], alone._replace(resistance=R[cut]))
-        whole = Response(*(_splice(a, b, cut) for a, b in zip(at, found)))
-        return weight(with_resistance(experiment, R), whole)
+        changed = with_resistance(experiment, R)
+        return weight(changed, simulate_batch([par], changed)[0])
 
     return differences(lambda points: np.array([simulate_change(1.0 + float(x[0])) for x in points]), np.zeros(1))[:, 0]
-
-
-def _splice(whole: Vector | None, piece: Vector | None, at: slice) -> Any:
-    """The samples, with a piece in its place."""
-    if whole is None:
-        return None
-    made = whole.copy()
-    made[at] = piece
-    return made
 
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of correlation, in samples
@@ -309,7 +292,11 @@ def spread(W: Matrix, size: float) -> Matrix:
 
     The correlation falls exponentially.  The covariances of all lengths together tell which sums go together.
     """
-    return size**2 * largest([_correlate(W, length) for length in LENGTHS])
+    parts = list[Matrix]()
+    for length in LENGTHS:  # sum of W[:, k] W[:, j] exp(-|k - j| / length) over all k and j
+        before = W @ scipy.signal.lfilter([1.0], [1.0, -np.exp(-1.0 / length)], W, axis=1).T
+        parts.append(before + before.T - W @ W.T)
+    return size**2 * largest(parts)
 
 
 def largest(parts: Sequence[Matrix]) -> Matrix:
@@ -325,12 +312,6 @@ def shares_of(at: Linear, residuals: Vector, sizes: Mapping[str, float], errors:
     parts = (values**2 * (at.left**2).sum(axis=0) / total).tolist()
     found = zip(sizes.items(), values.tolist(), errors.tolist(), parts)
     return {name: Share(size * x, size * error, part) for (name, size), x, error, part in found if name in CAUSES}
-
-
-def _correlate(W: Matrix, length: float) -> Matrix:
-    """Sum of W[:, k] W[:, j] exp(-|k - j| / length) over all k and j."""
-    before = W @ scipy.signal.lfilter([1.0], [1.0, -np.exp(-1.0 / length)], W, axis=1).T
-    return np.asarray(before + before.T - W @ W.T)
 
 
 WITHIN = 0.5  # of the growth of the resistance from operation to operation: how well that within one is known
@@ -387,9 +368,12 @@ def uncertainty(
     edges = at.feedback @ at.believed
     edges = np.vstack([edges, at.resistance @ edges])  # what the records do not tell of their places
     cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts) + edges @ edges.T
-    for other in with_other_filters(experiments):
-        shift = -at.feedback @ (at.inverse @ (residuals(form, [ratios], other)[0] - r))
-        cov = cov + np.outer(shift := np.append(shift, at.resistance @ shift), shift)
+    for k, e in enumerate(experiments):
+        for low_pass in e.filtered.others if e.filtered else ():  # one standard error off
+            changed = e._replace(filtered=e.filtered and e.filtered._replace(low_pass=low_pass))
+            other = residuals(form, [ratios], [*experiments[:k], changed, *experiments[k + 1 :]])[0]
+            shift = -at.feedback @ (at.inverse @ (other - r))
+            cov = cov + np.outer(shift := np.append(shift, at.resistance @ shift), shift)
     if "delay" in fitted:  # the steps of the model delay too, which adds to everything correlated with it
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
@@ -425,14 +409,6 @@ def _report(
         causes={name: float(s * sizes[name]) for name, s in zip(causes, std[count + 1 :])},
         shares=shares,
     )
-
-
-def with_other_filters(experiments: Sequence[Experiment]) -> Iterator[list[Experiment]]:
-    """The experiments with the low-pass of one of them one standard error off."""
-    for k, e in enumerate(experiments):
-        for other in e.filtered.others if e.filtered else ():
-            changed = e._replace(filtered=e.filtered and e.filtered._replace(low_pass=other))
-            yield [*experiments[:k], changed, *experiments[k + 1 :]]
 
 
 def select_reported(form: Form, causes: Collection[str] = ()) -> Matrix:

@@ -45,11 +45,6 @@ class Gap(NamedTuple):
     conventions: Sequence[str] = ()  # of the voltage between samples, that are left to the fit
     told: Sequence[Table | str] = ()
 
-    @property
-    def more(self) -> tuple[Sequence[str], Sought]:
-        """The last arguments of `fit.identify`."""
-        return self.conventions, self.sought
-
 
 def noises(records: Sequence[Record]) -> list[str]:
     """Sentences on the positions that are fitted."""
@@ -107,9 +102,7 @@ def of_inductances(
         *remarks(measured),
     ]
     sought = sought._replace(held=(*sought.held, TURNS), gap=(), law=law, total=law.offset)
-    return Gap(
-        parameters=known, sought=sought, records=records, conventions=conventions, told=[*told, *noises(records)]
-    )
+    return Gap(known, sought, records, conventions, told=[*told, *noises(records)])
 
 
 SMALLEST = 1e-6
@@ -138,25 +131,14 @@ def of_positions(
     k = left.index(min(left))
     best = motion.best(laws[k])
     told: list[Table | str] = [_law_table(laws[k], best), *noises(records)]
+    found = Gap(par, sought, records, tuple(name for name in names[k : k + 1] if name))
     if best.law.name == KNOWN:
-        return Gap(
-            parameters=_confirm(par, best),
-            sought=sought,
-            records=records,
-            conventions=tuple(name for name in names[k : k + 1] if name),
-            told=[*told, CONFIRMED],
-        )
+        return found._replace(parameters=_confirm(par, best), told=[*told, CONFIRMED])
     known = par._replace(core_reluctance=best.core_reluctance, core_saturation=best.core_saturation)
     known, gap = _guess_law(known, best.law)
     law = best.law if best.law.knots else None
     sought = sought._replace(held=(*sought.held, TURNS), gap=gap, law=law)
-    return Gap(
-        parameters=known,
-        sought=sought,
-        records=records,
-        conventions=tuple(name for name in names[k : k + 1] if name),
-        told=[*told, HELD.format(float(par.coil_turns))],
-    )
+    return found._replace(parameters=known, sought=sought, told=[*told, HELD.format(float(par.coil_turns))])
 
 
 def _confirm(par: Parameters, found: Trial) -> Parameters:
