@@ -61,9 +61,11 @@ from gapsense.identification.valve.minimise import EXACT, LONGEST, Weighted
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
+    Response,
     balance,
     charge,
     mean_resistance,
+    part,
     pooled_resistance,
     residuals,
     simulate_batch,
@@ -239,7 +241,7 @@ def _weights(
     for operation in experiment.operations:
         share, at_ends = np.zeros(n), [operation.balanced.start - 1, operation.stop]
         share[operation.balanced], share[at_ends] = 1.0, 0.5
-        slope = _by_resistance(par, experiment, operation)
+        slope = _by_resistance(par, experiment, at, operation)
         W += np.outer(A @ slope, share / trapezoid(experiment.current)[operation.balanced].sum())
         pooled -= share / total
     yield np.vstack([W, pooled + by @ W[: by.size]]), experiment.current - at.current
@@ -248,14 +250,18 @@ def _weights(
         yield np.vstack([Z, by @ Z[: by.size]]), experiment.position - at.position
 
 
-def _by_resistance(par: Device, experiment: Experiment, operation: Operation) -> Vector:
-    """Slope of the residuals by the logarithm of the resistance of one operation."""
+def _by_resistance(par: Device, experiment: Experiment, at: Response, operation: Operation) -> Vector:
+    """Slope of the residuals by the logarithm of the resistance of one operation, after which the model is at rest."""
+    alone, cut = part(experiment, operation), slice(operation.start, operation.stop + 1)
 
     def simulate_change(factor: float) -> Vector:
-        R = experiment.resistance.copy()
+        R, whole = experiment.resistance.copy(), [None if x is None else x.copy() for x in at]
         R[operation.inside] *= factor
-        changed = with_resistance(experiment, R)
-        return weight(changed, simulate_batch([par], changed)[0])
+        (found,) = simulate_batch([par], alone._replace(resistance=R[cut]))
+        for samples, piece in zip(whole, found):
+            if samples is not None:
+                samples[cut] = piece
+        return weight(with_resistance(experiment, R), Response(*whole))  # type: ignore[arg-type]
 
     return differences(lambda points: np.array([simulate_change(1.0 + float(x[0])) for x in points]), np.zeros(1))[:, 0]
 
