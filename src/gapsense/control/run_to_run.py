@@ -68,7 +68,7 @@ from gapsense.control.tracking import expected_current, is_late, mover_of, nomin
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
-from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where, where_each
+from gapsense.kernels.trace import cond, fabs, not_, sqrt, where, where_each
 
 UNEXPLAINED = Noted._fields.index("unexplained")
 ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
