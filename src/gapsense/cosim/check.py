@@ -373,23 +373,18 @@ class Checker:
             drivers.setdefault(connection.target, []).append(connection.place)
         for port in (*self.scenario.inputs, *self.scenario.played):
             drivers.setdefault(port, []).append(f"inputs.{port}")
-        for port, place in self.find_start_values():
-            drivers.setdefault(port, []).append(place)
+        for name, description in self.descriptions.items():
+            given = self.scenario.components[name].values
+            for port in (Port(name, variable.name) for variable in description.of("input")):
+                if port.variable in given:
+                    drivers.setdefault(port, []).append(f"components.{name}.set")
+                elif port in self.scenario.swept:
+                    drivers.setdefault(port, []).append(f"sweep.{port}")
         for port, places in drivers.items():
             if len(places) > 1:
                 yield f"{places[-1]}: `{port}` is driven {len(places)} times, by {', '.join(places)}. Keep one."
         if not self.broken & {"connections", "inputs"}:
             yield from self.idle(drivers)
-
-    def find_start_values(self) -> Iterator[tuple[Port, str]]:
-        """Find inputs to which the `set` of their component or else a sweep gives a value, and where."""
-        for name, description in self.descriptions.items():
-            given = self.scenario.components[name].values
-            for port in (Port(name, variable.name) for variable in description.of("input")):
-                if port.variable in given:
-                    yield port, f"components.{name}.set"
-                elif port in self.scenario.swept:
-                    yield port, f"sweep.{port}"
 
     def idle(self, drivers: Mapping[Port, list[str]]) -> Iterator[str]:
         """Inputs that nothing drives."""
@@ -800,13 +795,11 @@ def parameter(name: str, descriptions: Descriptions) -> Variable | None:
 
 def check_window(metric: Metric, scenario: Scenario) -> Iterator[str]:
     """Problem of a metric that would have no samples, whatever its signals are."""
-    component = scenario.components.get(metric.signal.partition(".")[0])
-    if component is None:
+    if (component := scenario.components.get(metric.signal.partition(".")[0])) is None:
         return
     place = f"metrics.{metric.name}"
     decimation, experiment = scenario.record.decimation, scenario.experiment
-    first = first_row(component, decimation)
-    if first is None:
+    if (first := first_row(component, decimation)) is None:
         yield (
             f"{place}: `{component.name}` never steps at a recorded row: its step is {component.step}, its "
             f"offset {component.offset}, and `record.decimation` {decimation} base steps. Change one of them."

@@ -292,8 +292,6 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
 
 def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:
     """Write outcomes as a JUnit file, complete or not at all."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     root = Element("testsuites", {"name": "gapsense", **counts(outcomes)})
     for outcome in outcomes:
         name, time = outcome.scenario, f"{outcome.seconds:.3f}"
@@ -305,7 +303,7 @@ def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:
                 SubElement(case, "failure", message=text.splitlines()[0]).text = text
     indent(root)
     text = '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
-    write_atomically(path, lambda file: print(text, end="", file=file))
+    write_atomically(Path(path), lambda file: print(text, end="", file=file))
 
 
 def counts(outcomes: Sequence[Outcome]) -> dict[str, str]:

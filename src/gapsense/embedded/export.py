@@ -299,13 +299,8 @@ def _declare_member(member: Member) -> list[str]:
 def _prototypes(design: Design) -> Iterator[str]:
     if "par" in members(design):
         yield f"/* The start values of the parameters. */\n{_defaults_head(design)};"
-    for graph in graphs(design):
-        name = _name(graph)
+    for name in graphs(design):
         yield f"/* {FUNCTIONS[name][2]} */\n{_declare_function(design, name)};"
-
-
-def _name(graph: Graph) -> str:
-    return {"constants": "prepare", "advance": "step"}.get(graph.name, graph.name)
 
 
 def _declare_function(design: Design, name: str) -> str:
@@ -332,7 +327,7 @@ def source(design: Design) -> str:
         *_tables(design),
         *_helpers(design),
         *([_defaults(design)] if "par" in members(design) else []),
-        *(_function(design, graph) for graph in graphs(design)),
+        *(_function(design, name, graph) for name, graph in graphs(design).items()),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -348,7 +343,7 @@ def _tables(design: Design) -> Iterator[str]:
 
 def _helpers(design: Design) -> Iterator[str]:
     """Functions of indices that are used."""
-    lines = [line for graph in graphs(design) for line in _body(design, graph)]
+    lines = [line for graph in graphs(design).values() for line in _body(design, graph)]
     for name, (about, text) in HELPERS.items():
         if any(f"{name}(" in line for line in lines):
             yield f"/* {about} */\n{text.replace('{real}', design.real).strip()}"
@@ -374,8 +369,8 @@ def _body(design: Design, graph: Graph) -> list[str]:
     ).body()
 
 
-def _function(design: Design, graph: Graph) -> str:
+def _function(design: Design, name: str, graph: Graph) -> str:
     body = _body(design, graph)
-    given = (n for n in FUNCTIONS[_name(graph)][0] if n in members(design))
+    given = (n for n in FUNCTIONS[name][0] if n in members(design))
     unused = [n for n in given if not any(f"{n}->" in line for line in body)]
-    return "\n".join([_declare_function(design, _name(graph)), "{", *(f"    (void){n};" for n in unused), *body, "}"])
+    return "\n".join([_declare_function(design, name), "{", *(f"    (void){n};" for n in unused), *body, "}"])

@@ -61,7 +61,7 @@ class Store:
     """
 
     def __init__(self, file: Path | None, key: str, is_reader: bool = False) -> None:
-        self.file, self.key, self.is_reader = file, key, is_reader
+        self.file, self.key = file, key
         with tell_errors(file):
             self.connection = reading(file) if is_reader and file else writing(file)
         weakref.finalize(self, self.connection.close)  # which only the collector of garbage would do else

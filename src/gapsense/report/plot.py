@@ -86,7 +86,6 @@ def refuse_foreign(file: Path, own: str) -> None:
 def save(figure: Figure, path: Path, source: str = "") -> Path:
     """Write a figure, complete or not at all; the ending of `path` says the format, a PNG tells the file it is of."""
     check_ending(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     about = {"Software": None, **({SOURCE: quote(relative(source, path.parent))} if source else {})}
     options: dict[str, Any] = {"format": path.suffix[1:], "dpi": 120}
     options["metadata"] = about if path.suffix == ".png" else None

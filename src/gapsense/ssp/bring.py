@@ -95,10 +95,14 @@ def read_structure(package: Package, problems: list[str], notes: list[str]) -> t
         raise InputError([f"{package.path}: {error}"]) from error
 
 
-def take_fmus(package: Package, components: list[Element], folder: Path, problems: list[str]) -> dict[Place, str]:
-    """Name of the FMU file of each component, which is in the folder of FMUs now."""
+def take_fmus(
+    package: Package, components: list[Element], folder: Path, problems: list[str]
+) -> tuple[dict[Place, str], dict[Place, Description]]:
+    """Put the FMU of each component into the folder of FMUs: its file there, and what it says, if it can be read."""
     files: dict[str, str] = {}
+    wrong: dict[str, str] = {}
     out: dict[Place, str] = {}
+    descriptions: dict[Place, Description] = {}
     for one in components:
         try:
             member = package.member(one.source)
@@ -108,31 +112,20 @@ def take_fmus(package: Package, components: list[Element], folder: Path, problem
         if member not in files:
             files[member] = fresh(f"{PurePosixPath(member).stem}.fmu", set(files.values()))
             package.copy(member, folder / FMUS / files[member])
-        out[one.path] = files[member]
-    return out
+        out[one.path] = f"{FMUS}/{files[member]}"
+        if member not in wrong:
+            try:
+                descriptions[one.path] = describe_fmu(folder / out[one.path])
+            except UnusableError as error:
+                wrong[member] = f"{one.name}, `{sanitise(one.source)}`: it cannot be used: {error}"
+    problems += wrong.values()
+    return out, descriptions
 
 
 def fresh(name: str, taken: set[str]) -> str:
     """A file name that none of the others has, whatever the case of its letters."""
     others, path = {other.lower() for other in taken}, PurePosixPath(name)
     return next(name for name in number_names(path.stem, path.suffix) if name.lower() not in others)
-
-
-def read_descriptions(
-    components: list[Element], fmus: Mapping[Place, str], folder: Path, problems: list[str]
-) -> dict[Place, Description]:
-    """Model descriptions of components, as far as they can be read."""
-    out: dict[Place, Description] = {}
-    wrong: dict[str, str] = {}
-    for one in components:
-        if one.path not in fmus or fmus[one.path] in wrong:
-            continue
-        try:
-            out[one.path] = describe_fmu(folder / FMUS / fmus[one.path])
-        except UnusableError as error:
-            wrong[fmus[one.path]] = f"{one.name}, `{sanitise(one.source)}`: it cannot be used: {error}"
-    problems += wrong.values()
-    return out
 
 
 def take_files(package: Package, data: Mapping[str, Any], folder: Path) -> None:
@@ -169,9 +162,7 @@ class Maker:
     ) -> None:
         self.problems, self.notes = problems, notes
         self.told, self.components = Told(root, problems, notes), [*outer.components()]
-        fmus = take_fmus(package, self.components, folder, problems)
-        self.fmus = {path: f"{FMUS}/{file}" for path, file in fmus.items()}  # as the scenario names them
-        self.descriptions = read_descriptions(self.components, fmus, folder, problems)
+        self.fmus, self.descriptions = take_fmus(package, self.components, folder, problems)
         files = dict.fromkeys(d.path for d in self.descriptions.values())
         shared, other = together(map(units_of, files))
         problems += [f"the unit `{sanitise(name)}` is not the same in two FMUs. Correct one of them." for name in other]
@@ -335,8 +326,7 @@ class Told:
 
     def read_own(self) -> dict[str, Any]:
         """Tables of our annotation, but for what SSP itself tells."""
-        found = self.root.find(f"{tag('ssd:DefaultExperiment')}//{tag('gapsense:Scenario')}")
-        if found is None:
+        if (found := self.root.find(f"{tag('ssd:DefaultExperiment')}//{tag('gapsense:Scenario')}")) is None:
             return {}
         try:
             data = tomllib.loads(found.text or "")

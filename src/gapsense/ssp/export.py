@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -31,12 +31,11 @@ Values = list[tuple[Variable, Value]]
 
 @dataclass(frozen=True)
 class Exported:
-    """The files that were written, and what other tools will not see of the scenario, one sentence each."""
+    """A scenario, and what of it has which name in the archive."""
 
     scenario: Scenario
     descriptions: Mapping[str, Description]
     data: Mapping[str, Any]  # for the annotation
-    notes: list[str] = field(default_factory=list)
 
     @cached_property
     def sources(self) -> dict[Path, str]:
@@ -100,7 +99,6 @@ def export(source: Source, path: Path, variant: str | None = None, fmus: str | P
     members = {DESCRIPTION: description(made), VALUES: serialise(every)}
     if wrong := [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]:
         raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {line}" for line in wrong])
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: pack(file.buffer, members, {**made.sources, **made.files}))
     return [*carried.notes(scenario, document.data), *notes(made)]
 

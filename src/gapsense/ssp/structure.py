@@ -18,11 +18,9 @@ REFUSED = {"ssd:SignalDictionaryReference": "a signal dictionary"}  # elements t
 
 
 class Connector(NamedTuple):
-    """Connector of an element: its kind, and type and unit where they are told."""
+    """Connector of an element: its kind, and its unit where that is told."""
 
-    name: str
     kind: str
-    type: str = ""
     unit: str = ""
 
 
@@ -70,12 +68,11 @@ def read_element(xml: Xml, path: Place, problems: list[str]) -> Element:
         raise UnusableError(f"systems are nested more than {DEEPEST} deep. Connect them at fewer levels.")
     made = Element(path, xml)
     for one in xml.iterfind(f"{tag('ssd:Connectors')}/{tag('ssd:Connector')}"):
-        connector = read_connector(one)
-        made.connectors[connector.name] = connector
-        if connector.kind not in (*SOURCES, *SINKS):
-            problems.append(
-                f"{made.name}: its connector `{sanitise(connector.name)}` is of kind {sanitise(connector.kind)}."
-            )
+        name, kind = one.get("name", ""), one.get("kind", "")
+        typed = next((child for child in one if plain(child.tag).removeprefix("ssc:") in TYPES), None)
+        made.connectors[name] = Connector(kind, "" if typed is None else typed.get("unit", ""))
+        if kind not in (*SOURCES, *SINKS):
+            problems.append(f"{made.name}: its connector `{sanitise(name)}` is of kind {sanitise(kind)}.")
     if xml.tag == tag("ssd:Component"):
         made.source = xml.get("source", "") or "?"
         problems += refused_component(xml, made)
@@ -100,13 +97,6 @@ def refused_component(xml: Xml, made: Element) -> Iterator[str]:
         yield f"{made.name}: it is of type `{sanitise(kind)}`, `{FMU_TYPE}` expected. Put its content into this system."
     if implementation == "ModelExchange":
         yield f"{made.name}: its implementation is ModelExchange, CoSimulation expected. Export the FMU as that."
-
-
-def read_connector(xml: Xml) -> Connector:
-    """A connector with its type, which is one of its children."""
-    found = next((child for child in xml if plain(child.tag).removeprefix("ssc:") in TYPES), None)
-    kind = "" if found is None else plain(found.tag).removeprefix("ssc:")
-    return Connector(xml.get("name", ""), xml.get("kind", ""), kind, "" if found is None else found.get("unit", ""))
 
 
 def read_link(xml: Xml) -> Link:

@@ -438,8 +438,7 @@ class ScenarioReader:
         sets = {path: read_parameters(path, table.problems) for path in files}
         inline = table.table("set")
         layers = [(path.name, sets[path]) for path in files]
-        layers.append((inline.where(), located_values(inline, self.path.parent)))
-        layers.append((OVER, self.changes.parameters(name)))
+        layers += [(inline.where(), located_values(inline, self.path.parent)), (OVER, self.changes.parameters(name))]
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
         firmware = (self.path.parent / own["firmware"]).resolve() if own["firmware"] else None
         self.files += [firmware] if firmware and firmware.is_file() else []

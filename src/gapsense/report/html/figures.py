@@ -13,9 +13,10 @@ from bokeh.document import Document
 from bokeh.plotting import figure
 
 from gapsense.cosim.result.compare import Difference
+from gapsense.problems import format_limits
 from gapsense.report.html import style
 from gapsense.report.html.curves import Curve, Panel, Strip, Vector, choose_rows
-from gapsense.report.html.subject import Event, Shown
+from gapsense.report.html.subject import Shown
 from gapsense.report.table import choose_prefix
 
 bk: Any = bokeh.models  # whose annotations lack much of it
@@ -35,14 +36,14 @@ class Axes:
     cursor: Any  # Span
     factor: float
     unit: str
-    events: tuple[Event, ...]
+    events: tuple[tuple[float, float], ...]  # begin and end of each [s]
     numbers: Mapping[str, int]  # of components, which have a colour each
     most: int  # points of a curve
 
 
 def make_time_axis(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
     """Make the time axis of a result, in the unit that suits its span."""
-    first, last = (float(shown.result.times[k]) for k in (0, -1))
+    run, (first, last) = shown.result.run, shown.result.times[[0, -1]].tolist()
     factor, unit = choose_prefix(max(abs(first), abs(last)), "s")
     last = last if last > first else first + factor
     ends = {"start": first / factor, "end": last / factor}
@@ -53,7 +54,7 @@ def make_time_axis(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
         cursor=cursor,
         factor=1.0 / factor,
         unit=unit,
-        events=shown.events,
+        events=tuple((e.begin, run.stop if e.end is None else e.end) for e in shown.result.events),
         numbers=numbers,
         most=most,
     )
@@ -65,8 +66,8 @@ def empty(axes: Axes, height: int) -> Any:
     of_time = {"x_range": axes.range, "toolbar_location": "right", "lod_threshold": None, **borders}
     made = blank(height, [zoom, *tools(axes)], axes.unit, **of_time)
     made.toolbar_inner, made.y_range.only_visible = True, True
-    for event in axes.events:
-        ends = {"left": event.begin * axes.factor, "right": event.end * axes.factor}
+    for begin, end in axes.events:
+        ends = {"left": begin * axes.factor, "right": end * axes.factor}
         look = {"fill_color": EVENT, "fill_alpha": 0.15, "line_color": EVENT, "level": "underlay"}
         made.add_layout(bk.BoxAnnotation(**ends, **look))
     return made
@@ -332,8 +333,5 @@ class Chapter(NamedTuple):
 
 def limits(bounds: tuple[float, float] | None, shown: Callable[[float], str]) -> str:
     """Bounds in words, each as `shown` writes it."""
-    low, high = bounds or (-math.inf, math.inf)
-    if math.isfinite(low) and math.isfinite(high):
-        return f"{shown(low)} to {shown(high)}"
-    ends = (("at least", low), ("at most", high))
-    return " ".join(f"{word} {shown(end)}" for word, end in ends if math.isfinite(end))
+    low, high = (shown(end) if math.isfinite(end) else None for end in bounds or (-math.inf, math.inf))
+    return format_limits(low, high, "")

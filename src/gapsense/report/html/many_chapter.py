@@ -15,7 +15,7 @@ import numpy as np
 from gapsense.many import summary
 from gapsense.many.provenance import EVENTS
 from gapsense.problems import number_of
-from gapsense.report.distributions import Bars, Distributions, Points, name_level
+from gapsense.report.distributions import Bars, Distributions, name_level
 from gapsense.report.html import style
 from gapsense.report.html.figures import Chapter, Drawn, Entry, Verdict, blank, fitting, limits
 from gapsense.report.html.many import Many
@@ -230,7 +230,7 @@ class Drawer:
         unit = self.many.unit(factor)
         if isinstance(found, Bars):
             bars(made, found, scale)
-        elif isinstance(found, Points):
+        elif found is None:
             a, b = self.keys[factor], self.keys[metric]
             look = {"alpha": 0.8 if self.many.campaign.rows < FEW else 0.45, "selection_alpha": 1.0}
             # Points that are not selected are faint once some are.
@@ -315,13 +315,8 @@ def draw_all(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
         ]
         for k, (metric, factors) in enumerate(chosen.items())
     }
-    return rows, note + hint(drawer.found.is_counted)
-
-
-def hint(is_counted: bool) -> str:
-    """What the plots show and how they are read."""
-    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
+    how = "A point is a run; chosen in one plot (box select), it is marked in all of them."
+    how = "Stronger where more runs lie." if drawer.found.is_counted else how
+    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}."
     axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost 0.1 %; tables do not."
-    if is_counted:
-        return f"Stronger where more runs lie. {bars}{axes}"
-    return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"
+    return rows, f"{note}{how} {bars} {axes}"
