@@ -154,7 +154,7 @@ def identify(
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
-    known = find_file(parameters)
+    known = None if parameters is None else shipped(parameters)
     others: dict[str, Any] = {"model": model, "period": period, "temperature": temperature, "forms": forms}
     others |= {"hold": pairs(hold), "inductance": path(inductance), "driver": driver, "accuracy": accuracy}
     if commission:
@@ -336,7 +336,8 @@ def fem(
     models = show.make_models(points, number, float(given["stop.lower"]), float(given["stop.upper"]))
     tuning, told = show.windows(models, given, supply)
     losses = untold_losses(number, models.reduced.saturation, {*known} - {*marked})
-    tuning = show.drop_given({**losses, **tuning}, known, marked)
+    every = {**losses, **tuning}  # what was assumed before is made anew
+    tuning = {name: value for name, value in every.items() if name not in known or name in marked}
     assumed = [*dict.fromkeys((*assumed, *(name for name in GUESSED if name in tuning)))]
     shown = [*show.fem_tables(models), *told, *show.beyond(points, given, assumed), *meanings(assumed)]
     wrong = show.doubts(models)
@@ -513,11 +514,6 @@ def pairs(several: Several) -> list[str]:
 def path(file: File | None) -> Path | None:
     """As a path."""
     return None if file is None else Path(file)
-
-
-def find_file(file: File | None) -> Path | None:
-    """Find a file, or the sample of that name that comes with Gapsense."""
-    return None if file is None else shipped(file)
 
 
 def check_figure(figure: File | None) -> Path | None:

@@ -202,8 +202,7 @@ class Runnable:
         if unknown := [name for name in wanted if name not in every]:
             raise ValueError(f"`{unknown[0]}` is not an output of {self.ports.name}. {suggest(unknown[0], every)}")
         chosen = [every.index(name) for name in wanted]
-        data = self._in_c(flat, chosen, values, start_time, step)
-        if data is None:
+        if (data := self._in_c(flat, chosen, values, start_time, step)) is None:
             data = np.stack([self._in_python(flat, k, values, start_time, step)[chosen] for k in range(shape[0])])
         found = {name: data[0, k] if is_single else data[:, k] for k, name in enumerate(wanted)}
         units = {port.name: port.unit for port in self.ports.of("output") if port.name in wanted}
@@ -297,10 +296,13 @@ class Runnable:
             shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays))
             raise ValueError(f"shapes {shapes} found; (samples,) or (runs, samples), not empty, expected.")
         try:
-            np.broadcast_shapes(*(x.shape for x in arrays))
+            runs, samples = np.broadcast_shapes((1, 1), *(x.shape for x in arrays))
         except ValueError:
             shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays) if x.ndim)
             raise ValueError(f"shapes {shapes} found, the same number of samples expected. Correct them.") from None
+        if runs > 1 == samples:  # a column of a table, which would be as many runs
+            columns = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays) if x.ndim == 2)
+            raise ValueError(f"{columns} found, {runs} runs of one sample each; a record is ({runs},). Reshape it.")
         return arrays
 
     def _in_c(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import runpy
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -167,15 +168,19 @@ def test_anchors_are_found_and_wrong_ones_are_not():
     assert anchors(text) == {"what-it-is-a_b", "twice", "twice_1", "twice-1"}
 
 
+@cache
+def files():
+    """Files of the repository, and those that commands write."""
+    known = {path.relative_to(ROOT).as_posix() for path in (*texts(), *PYTHON)}
+    return known | {path.name for path in (ROOT / "records").iterdir()} | written_by_commands()
+
+
 @pytest.mark.parametrize(
     "page", PAGES[:2] + [p for p in PAGES if p.parent == ROOT / "docs"], ids=lambda page: page.name
 )
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
-    known = {path.relative_to(ROOT).as_posix() for path in (*texts(), *PYTHON)}
-    known |= {path.name for path in (ROOT / "records").iterdir()}
-    known |= written_by_commands()
-    known |= set(re.findall(r"<!-- file: (\S+) -->", text))  # that the reader writes
+    known = files() | {*re.findall(r"<!-- file: (\S+) -->", text)}  # that the reader writes
     for span in re.findall(r"`([^`\n]+)`", text):
         name = span.split()[-1]
         if re.fullmatch(r"[\w./-]+\.(py|md|toml|txt|c|h)", name):

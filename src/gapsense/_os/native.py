@@ -51,8 +51,7 @@ def zig_compiler() -> tuple[str, ...]:
 
 def own_compiler() -> tuple[str, ...] | None:
     """Command of the C compiler of this machine: what `CC` names, or else the first one that is found, or Zig's."""
-    named = shlex.split(os.environ.get("CC", ""))
-    if named:
+    if named := shlex.split(os.environ.get("CC", "")):
         return tuple(named) if shutil.which(named[0]) else None
     found = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     return (found,) if found else zig_compiler() if zig_version() else None
@@ -126,8 +125,7 @@ class Library:
             found.append(f"`{binary}` is not up to date with its sources and options. {again}")
         if sys.platform == "linux" and platform.machine() == "x86_64":
             library = ctypes.CDLL(str(binary))
-            missing = [name for name in self.exports if not hasattr(library, name)]
-            if missing:
+            if missing := [name for name in self.exports if not hasattr(library, name)]:
                 found.append(f"`{binary}` does not export {', '.join(missing)}. {again}")
         return found
 

@@ -186,8 +186,7 @@ def serial(place: str) -> int:
 
     device, _, last = place.rpartition(":")
     device, baud = (device, int(last)) if device and last.isdecimal() else (place, BAUD)
-    speed = getattr(termios, f"B{baud}", None)
-    if speed is None:
+    if (speed := getattr(termios, f"B{baud}", None)) is None:
         raise ValueError(f"a serial port has no {baud} baud here")
     file = os.open(device, os.O_RDWR | os.O_NOCTTY)
     fcntl.ioctl(file, termios.TIOCEXCL)  # a board answers one program
@@ -228,12 +227,6 @@ def decode_cobs(frame: bytes) -> bytes | None:
         if code < 255 and at < size:
             made.append(0)
     return bytes(made) if at == size else None
-
-
-def pack_message(first: int, component: int, sequence: int, data: bytes) -> bytes:
-    """Put together a message with its sum."""
-    message = HEAD.pack(first, component, sequence, len(data)) + data
-    return message + struct.pack("<I", crc32(message))
 
 
 def unpack_message(message: bytes | None) -> tuple[int, int, bytes] | None:
@@ -278,11 +271,11 @@ class Link:
         """The data of the answer; a BoardError if there is none, or if the board refuses."""
         self.sequence, self.is_lost = (self.sequence + 1) & 0xFFFF, True
         self.troubles.clear()
-        message = encode_cobs(pack_message(what, component, self.sequence, data))
+        body = HEAD.pack(what, component, self.sequence, len(data)) + data
+        message = encode_cobs(body + struct.pack("<I", crc32(body)))
         for wait in self.waits:
             self.line.write(message)
-            answer = self.answer(wait)
-            if answer is not None:
+            if (answer := self.answer(wait)) is not None:
                 result, found = answer
                 self.is_lost = False
                 if result != DONE:
@@ -315,8 +308,7 @@ class Link:
         """Everything that the board has from an offset on, `count` bytes or all, in as many requests as that takes."""
         found = b""
         while count is None or len(found) < count:
-            part = self.ask(what, component, struct.pack("<I", begin + len(found)))
-            if not part:
+            if not (part := self.ask(what, component, struct.pack("<I", begin + len(found)))):
                 break
             found += part
         return found
