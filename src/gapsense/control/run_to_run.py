@@ -68,13 +68,13 @@ from gapsense.control.tracking import expected_current, is_late, mover_of, nomin
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
-from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where, where_each
+from gapsense.kernels.trace import cond, fabs, not_, sqrt, where, where_each
 
 UNEXPLAINED = Noted._fields.index("unexplained")
 ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
 HARD_ROW = 3.0  # hard impacts, although a contact was listened to
 EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
-FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
+FARTHEST = 1e-3  # from that of the loop: an estimator's flux linkage is that of a mover elsewhere [Wb]
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
@@ -130,8 +130,9 @@ def _end_closing(state: State, inputs: Inputs, par: Parameters) -> State:
 def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
     """Flux linkage with which an opening begins: a mean of the last ones, or that of a credible estimator."""
     coil, by_contact = state.coil, state.by_model < 1.0
-    off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
-    told = shift_flux(coil, where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
+    off = inputs.estimated_flux_linkage - coil.flux
+    is_credible = not_(by_contact) & (inputs.misfit < GOOD) & (fabs(off) < FARTHEST)
+    told = shift_flux(coil, where(is_credible, off, 0.0))
     return cond(by_contact & not_(is_plain), lambda: average_top(coil, state.running.averaged > 0.0, par), lambda: told)
 
 
@@ -231,7 +232,8 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
     learnt = vector([*_learnt(state, inputs, par), *law.mean])
     m = mover_of(learnt, par)
     z0, _ = stops(is_closing, m)
-    start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
+    is_far = fabs(inputs.estimated_flux_linkage - state.coil.flux) >= FARTHEST
+    start = where(by_contact | is_far, state.coil.flux, inputs.estimated_flux_linkage)
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
     is_plain = is_plain | is_there | (state.alarm > 0.0)
     plan = plan_operation(half, law.speed, law.travel, 0.0, par)
