@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -86,6 +86,12 @@ class Solved(NamedTuple):
         """Where a point is, as messages name it."""
         return f"line {self.lines[k]}, {quantity(float(self.gap[k]), 'm')}, {quantity(float(self.current[k]), 'A')}"
 
+    def part(self, at: npt.NDArray[Any]) -> Solved:
+        """Some points, or all in another order."""
+        names = ("lines", "gap", "current", "flux_linkage", "force")
+        cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[at] for name in names}
+        return self._replace(**cut)
+
     @property
     def has_one_current(self) -> bool:
         """Whether nothing tells how the flux linkage rises with the current."""
@@ -107,7 +113,7 @@ def read_solved(path: Path, how: Reading, given: Given) -> Solved:
     if problems := [*unusual(found), *fields_of_rest(found)]:
         raise InputError(problems)
     found = without_repeated(found._replace(remarks=(*found.remarks, *remaining(found))), problems)
-    problems += [*too_few(found), *falling(found), *rising(found), *pushing(found)]
+    problems += [*too_few(found), *against_neighbours(found), *pushing(found)]
     if problems:
         raise InputError(problems)
     unused = [name for k, name in enumerate(sheet.names) if k not in [column.place for column in used]]
@@ -237,16 +243,16 @@ def to_solved(sheet: Sheet, columns: Mapping[str, Vector], given: Given) -> Solv
     turn = np.where(current < 0.0, -1.0, 1.0)  # the field of the opposite current is the opposite one
     link = next(name for name in LINKS if name in columns)
     factors = {"flux_linkage": turn, "inductance": np.abs(current), "flux": turn * given.turns}
-    order = np.lexsort((np.abs(current), gap))
     force = columns.get("force")
-    return Solved(
+    found = Solved(
         file=f"{sheet.path}",
-        lines=np.array(sheet.lines)[order],
-        gap=gap[order],
-        current=np.abs(current)[order],
-        flux_linkage=(given.parts * factors[link] * columns[link])[order],
-        force=None if force is None else (given.parts * (1.0 if given.closed is None else -1.0) * force)[order],
+        lines=np.array(sheet.lines),
+        gap=gap,
+        current=np.abs(current),
+        flux_linkage=given.parts * factors[link] * columns[link],
+        force=None if force is None else given.parts * (1.0 if given.closed is None else -1.0) * force,
     )
+    return found.part(np.lexsort((found.current, gap)))
 
 
 def unusual(found: Solved) -> list[str]:
@@ -324,14 +330,7 @@ def without_repeated(found: Solved, problems: list[str]) -> Solved:
                 )
     kept = ~again & (found.current >= SAME * found.current.max())
     told = [f"{found.file}: {again.sum()} points come twice; one of each is used."] if again.any() else []
-    cut = found._replace(
-        lines=found.lines[kept],
-        gap=found.gap[kept],
-        current=found.current[kept],
-        flux_linkage=found.flux_linkage[kept],
-        force=None if found.force is None else found.force[kept],
-    )
-    return cut._replace(remarks=(*found.remarks, *told))
+    return found.part(kept)._replace(remarks=(*found.remarks, *told))
 
 
 def too_few(found: Solved) -> list[str]:
@@ -362,35 +361,28 @@ def falls(lines: Sequence[npt.NDArray[np.int_]], x: Vector) -> list[tuple[int, i
     return sorted(pairs, key=lambda pair: float(x[pair[1]] - x[pair[0]]))
 
 
-def falling(found: Solved) -> list[str]:
-    """Flux linkages that fall while the current rises."""
-    lines = neighbours(found.current, found.gap)
-    return [
-        f"{found.file}, {found.place(b)}: the flux linkage falls to {quantity(float(found.flux_linkage[b]), 'Wb')} from"
-        f" {quantity(float(found.flux_linkage[a]), 'Wb')} in line {found.lines[a]} with less current, where it has to"
-        " rise. Correct the line, or solve it again with a finer mesh."
-        for a, b in falls(lines, found.flux_linkage)[:SHOWN]
-    ]
-
-
-def rising(found: Solved) -> list[str]:
-    """Flux linkages that rise with the gap."""
+def against_neighbours(found: Solved) -> list[str]:
+    """Flux linkages that fall while the current rises, or that rise with the gap."""
     flux = found.flux_linkage
+    ways = [("falls", "with less current", "rise", falls(neighbours(found.current, found.gap), flux))]
     slope = np.polyfit(found.gap, flux / found.current, 1)[0]
+    if slope < 0.0:
+        ways.append(("rises", "at a smaller gap", "fall", falls(neighbours(found.gap, found.current), -flux)))
+    told = [
+        f"{found.file}, {found.place(b)}: the flux linkage {way} to {quantity(float(flux[b]), 'Wb')} from"
+        f" {quantity(float(flux[a]), 'Wb')} in line {found.lines[a]} {where}, where it has to {right}. Correct the"
+        " line, or solve it again with a finer mesh."
+        for way, where, right, pairs in ways
+        for a, b in pairs[:SHOWN]
+    ]
     if slope >= 0.0:
-        return [
+        told.append(
             f"{found.file}: the inductance rises with the position, from"
             f" {quantity(float(flux[0] / found.current[0]), 'H')} in line {found.lines[0]} to"
             f" {quantity(float(flux[-1] / found.current[-1]), 'H')} in line {found.lines[-1]}, where it has to fall"
             " with the gap. If the position is not the gap, say by `--closed` at which one the gap is closed."
-        ]
-    lines = neighbours(found.gap, found.current)
-    return [
-        f"{found.file}, {found.place(b)}: the flux linkage rises to {quantity(float(flux[b]), 'Wb')} from"
-        f" {quantity(float(flux[a]), 'Wb')} in line {found.lines[a]} at a smaller gap, where it has to fall. Correct"
-        " the line, or solve it again with a finer mesh."
-        for a, b in falls(lines, -flux)[:SHOWN]
-    ]
+        )
+    return told
 
 
 def pushing(found: Solved) -> list[str]:
