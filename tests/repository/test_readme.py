@@ -108,7 +108,8 @@ def test_targets_of_make_that_the_readme_names_exist():
 
 def test_variants_and_scenarios_of_the_readme_exist():
     scenario = tomllib.loads((ROOT / "scenarios" / "semera_valve" / "scenario.toml").read_text("utf-8"))
-    assert set(re.findall(r"--variant (\w+)", PAGE_OF_SEMERA)) == set(scenario["variants"])
+    table = PAGE_OF_SEMERA.partition("| `--variant` |")[2].partition("\n\n")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == set(scenario["variants"])
     assert all(
         (ROOT / path / "scenario.toml").is_file() for path in re.findall(r"scenarios/\w+", README + CONTRIBUTING)
     )
