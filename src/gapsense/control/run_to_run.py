@@ -98,12 +98,12 @@ def turn_operation(state: State, inputs: Inputs, par: Parameters) -> State:
 def _end_operation(state: State, correction: Scalar, inputs: Inputs, par: Parameters) -> State:
     """Keep what an operation leaves; `correction` is the change of the resistance of its samples."""
     running, half, known = state.running, state.running.command, state.laws
-    law = laws.read(known, half)._replace(length=running.age)
+    law = laws.read(known, half)._replace(length=running.age, lead=running.lead)
     first = where(half > 0.0, par.closing_travel, par.opening_travel)
     is_warm = running.strain > WARM
     is_limited, is_told = running.limited > laws.LIMITED, running.limited > TOLD
     law = law._replace(travel=where(is_limited, laws.stretch_travel(law, first), law.travel))
-    is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
+    is_followed = running.unfollowed * par.sample_time < laws.UNFOLLOWED * law.travel
     law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
     noted = state.noted._replace(
         too_fast=where(is_told & not_(is_warm), 1.0, state.noted.too_fast),
@@ -150,8 +150,11 @@ def _begin_first_cycle(state: State, par: Parameters) -> State:
 def _forget_operations(state: State, missed: Scalar, par: Parameters) -> State:
     """Forget both operations; with one missed, the next ones are ordinary if none was soft yet."""
     known = state.laws
-    for half, travel in ((CLOSING, par.closing_travel), (OPENING, par.opening_travel)):
-        known = laws.write(known, half, laws.first(travel, state.by_model, par)._replace(missed=missed))
+    for half, lead, travel in (
+        (CLOSING, par.closing_lead, par.closing_travel),
+        (OPENING, par.opening_lead, par.opening_travel),
+    ):
+        known = laws.write(known, half, laws.first(travel, state.by_model, par)._replace(lead=lead, missed=missed))
     return state._replace(laws=known, course=state.course._replace(last=-1.0))
 
 
@@ -252,6 +255,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
             is_plain=where(is_plain, 1.0, 0.0),
             start_flux=start,
             speed=law.speed,
+            lead=plan.lead,
             travel=law.travel,
             learnt=learnt,
             balance_flux=balance_flux,
@@ -322,6 +326,7 @@ def _first(par: Parameters) -> Running:
         command=OPENING,
         is_plain=1.0,
         speed=par.approach_first,
+        lead=par.opening_lead,
         travel=par.opening_travel,
         learnt=vector([*nominal_mover(par), 0.0, 0.0, 0.0, 0.0]),
         piece=piece(0.0, par),
@@ -353,7 +358,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     def steady() -> Coil:
         time, is_noisy = running.age * par.sample_time, _is_noisy(state, par, PART)
-        is_ending = (running.command < 0.5) & (time > par.opening_lead + ENDING * running.travel)
+        is_ending = (running.command < 0.5) & (time > running.lead + ENDING * running.travel)
         return steady_flux(coil, inputs, time, running.drawn_before, is_noisy, is_ending, par)
 
     coil = cond(state.by_model > 0.0, steady, lambda: coil)
