@@ -5,6 +5,7 @@ from __future__ import annotations
 from gapsense.control import laws
 from gapsense.control.bend import (
     has_floated,
+    is_faint,
     is_of_core,
     landing_speed,
     moved_earlier,
@@ -101,6 +102,7 @@ def judged_by_current(state: State, par: Parameters) -> State:
     is_hit = not_(by_contact) | (heard.landing == heard.hit) | (heard.hardest > SURELY)  # else the contact was in time
     speed = cond(heard.landing > 0.0, lambda: landing_speed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
+    speed = where((heard.hit > 0.0) & (heard.landing == heard.hit) & is_faint(state, par), 0.0, speed)
     timed = _speed_by_time(state, par)
     speed = where(by_contact & (running.averaged > 0.0) & (timed > speed), timed, speed)
     is_hard = is_soft & (speed > AUDIBLE)
