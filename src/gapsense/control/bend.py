@@ -36,7 +36,7 @@ AFLOAT, LEAVING = 0.79, 0.75  # of the reluctance at this share of a closing's l
 BESIDE = 1.08  # of that of a seated mover: with more a closing is not felt to have arrived
 SATURATED = 0.2  # speed at a landing that its core explains: from then on it is taken away [m/s]
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
-AWAY = 45e-6  # from its stop, by the reluctance: a mover that is farther does not hit it [m]
+AT_STOP, AWAY = 20e-6, 45e-6  # from its stop, by the reluctance: a mover that is nearer has hit it; farther has not [m]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 # time after that at which a mover that floats is told; by so much, and standard deviations of noise, it gets faster
 FLOATING, FASTER, DEVIATIONS = 0.25e-3, 0.05, 3.0  # [s], [m/s]
@@ -170,8 +170,7 @@ def landing_speed(state: State, par: Parameters) -> Scalar:
     at = state.heard.landing
     speed, noise = _impact(state, at, par)
     core = _core_at(state, at, at, par).speed
-    is_first = state.running.speed >= par.approach_first  # else it would fall back to another first one for ever
-    speed = where(is_first & (core > SATURATED), speed - core, speed)
+    speed = where(core > SATURATED, speed - core, speed)
     usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
     return speed - where(noise > usual, VAGUE * (noise - usual), 0.0)
 
@@ -205,7 +204,7 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     is_lighter = (core.farther < 0.0) & (core.speed > bounds.core * heard.hardest)
     is_apart = core.is_known & (core.away > AWAY)
     is_core = where(is_alone, is_lighter, is_apart) & (heard.hardest < bounds.beyond)
-    return is_slow & (is_core | (not_(is_alone) & is_faint(state, par) & not_(core.is_known & (core.away < AWAY))))
+    return is_slow & (is_core | (not_(is_alone) & is_faint(state, par) & not_(core.is_known & (core.away < AT_STOP))))
 
 
 def _core_at(state: State, at: Scalar, landing: Scalar, par: Parameters) -> Core:

@@ -31,6 +31,7 @@ ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this 
 SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
+FAINTLY = 0.48  # the same by a bend that only the reluctance makes a hit [m/s]
 AHEAD = 600.0  # speed by the distance that the plan had left at a landing [1/s]
 DROPPED, DROPS = 0.68, 0.5  # travels after the planned arrival: later a mover had been let go; its speed [m/s]
 SLOWER, AFLOAT = 0.08, 0.14  # more reluctance of a closing with a noisy current: it was too slow; its mover floated
@@ -102,10 +103,11 @@ def judged_by_current(state: State, par: Parameters) -> State:
     is_hit = not_(by_contact) | (heard.landing == heard.hit) | (heard.hardest > SURELY)  # else the contact was in time
     speed = cond(heard.landing > 0.0, lambda: landing_speed(state, par), lambda: 0.0)
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
-    speed = where((heard.hit > 0.0) & (heard.landing == heard.hit) & is_faint(state, par), 0.0, speed)
     timed = _speed_by_time(state, par)
     speed = where(by_contact & (running.averaged > 0.0) & (timed > speed), timed, speed)
-    is_hard = is_soft & (speed > AUDIBLE)
+    # a faint hit teaches; it is no alarm
+    is_only_faint = (heard.hit > 0.0) & (heard.landing == heard.hit) & is_faint(state, par)
+    is_hard = is_soft & (speed > where(is_only_faint, FAINTLY, AUDIBLE))
     law = laws.read(state.laws, running.command)
     is_there, is_absent, seated = tell_arrival(state, law.seated, par)
     more, rested = cond(
@@ -126,7 +128,8 @@ def judged_by_current(state: State, par: Parameters) -> State:
     law = law._replace(speed=where(is_slow, faster, law.speed), floor=where(is_slow, higher, law.floor))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
-    return _raise_alarm(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
+    is_loud = is_soft & (speed > _most(running.speed)) & not_(is_only_faint)
+    return _raise_alarm(state, running.command, is_short | is_loud, par)
 
 
 def _speed_by_time(state: State, par: Parameters) -> Scalar:
