@@ -29,7 +29,6 @@ from kernels import in_c
 from wrong_models import filter_parameters
 
 from gapsense.estimators import ekf
-from gapsense.estimators.rts import motions
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Code, Row, plan
 from gapsense.scenarios.soft_landing.batch import (
@@ -43,6 +42,7 @@ from gapsense.scenarios.soft_landing.batch import (
 )
 from gapsense.scenarios.soft_landing.comparison import compare
 from gapsense.scenarios.soft_landing.cycle import sampled, soft_landing
+from gapsense.scenarios.soft_landing.rts import motions
 from gapsense.scenarios.soft_landing.runs import Estimator, filtered
 from gapsense.scenarios.soft_landing.setting import CHUNK, Study, errors, noise, nominal, perturbed, studied, unvaried
 

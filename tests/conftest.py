@@ -56,8 +56,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Quick tests need many libraries and run each for a moment; slow tests compile as users do.
     """
-    if config.getoption("markexpr") == "not slow" and sys.platform == "linux" and shutil.which("cc"):
-        os.environ.setdefault("CC", str(Path(__file__).with_name("cc")))
+    if config.getoption("markexpr") == "not slow":
+        os.environ.setdefault("C_CODE_LEVEL", "-O0")
+        if sys.platform == "linux" and shutil.which("cc"):
+            os.environ.setdefault("CC", str(Path(__file__).with_name("cc")))
     if getattr(config, "workerinput", {}).get("workerid") == "gw1" and config.args == config.getini("testpaths"):
         folders = {str(file.parent) for file in Path(__file__).parent.glob("*/test_*.py")}
         config.args = sorted(folders, reverse=True)

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from gapsense.cosim import Result
-from gapsense.estimators.rts import motions
 from gapsense.studies import refuse_unrecorded
 
+from ..soft_landing.rts import motions
 from .contenders import CONTENDERS, Contender
 
 Vector = npt.NDArray[np.float64]

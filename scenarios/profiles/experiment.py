@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from gapsense.cosim import Result
 from gapsense.estimators.ekf import Parameters
-from gapsense.estimators.rts import Estimates, Floats, motions, smooth_record
 from gapsense.fmi.components import kernel_parameters, own
+
+from ..soft_landing.rts import Estimates, Floats, motions, smooth_record
 
 FILTER, SMOOTHERS = "EKF", {"ERTSS": "ertss", "ERTSS\\e_i": "no_current_error", "ERTSS\\e_F": "no_force_error"}
 ESTIMATORS = (FILTER, *SMOOTHERS)

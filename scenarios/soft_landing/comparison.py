@@ -12,13 +12,13 @@ import numpy as np
 
 from gapsense._os.workers import Progress
 from gapsense.estimators.reduced_model import Model
-from gapsense.estimators.rts import Floats, motions
 from gapsense.kernels.lanes import Plan, Row, plan
 from gapsense.studies.runs import Facts, compute
 
 from . import batch
 from .batch import Tuning, Variant, Varied
 from .cycle import Samples
+from .rts import Floats, motions
 from .runs import Estimator, filtered, open_loop, smoothed
 from .setting import OPERATIONS, Study, chunks, drawn, noise_of_width, operation_of, study_of, tuning
 

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from gapsense._os.workers import Progress
-from gapsense.estimators.rts import Floats
 from gapsense.kernels.lanes import Plan, Row, plan
 
 from .batch import Tuning, Variant, Varied, normalised_errors
 from .cycle import Samples
 from .reference import reference_state
+from .rts import Floats
 from .runs import Estimator, filtered, smoothed
 from .setting import Study, chunks, drawn, moving, noise_of_width, operation_of, tuning
 

@@ -17,11 +17,11 @@ from gapsense._os.files import read_columns
 from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING
 from gapsense.estimators.reduced_model import Model, current, gap_law, normalise_model
-from gapsense.estimators.rts import Floats
 from gapsense.report.table import table
 from gapsense.studies.devices import RTS_VALVE
 
 from .cycle import sampled, soft_landing
+from .rts import Floats
 
 FEWEST = 10  # samples
 PUBLISHED = {"R_c0": 1.75, "lam_sat": 0.0238}  # Table II

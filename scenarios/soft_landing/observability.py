@@ -18,13 +18,13 @@ from rich.table import Table
 from gapsense._os.workers import Progress
 from gapsense.actuators.motion import MOVING
 from gapsense.estimators.reduced_model import POSITION, POSITION_PREV, Held, Model, is_moving, observation, transition
-from gapsense.estimators.rts import Floats
 from gapsense.kernels.derivative import linearise
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, stack
 from gapsense.report.table import table
 
 from .cycle import Samples, reference, sampled
 from .reference import reference_states
+from .rts import Floats
 from .setting import nominal, unvaried
 
 TOLERANCE = 1e-12

@@ -14,12 +14,12 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from gapsense.estimators.reduced_model import Held, Model, current, gap_law, transition
-from gapsense.estimators.rts import Floats
 from gapsense.kernels.lanes import Code, Plan, Row, plan
 from gapsense.kernels.layout import Array, Scalar, Vector
 from gapsense.kernels.linalg import vector
 
 from .batch import Variant, Varied, compiled, varied_model
+from .rts import Floats
 
 
 class Reference(NamedTuple):

@@ -9,11 +9,11 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from gapsense.estimators.reduced_model import Model, is_moving, limit
-from gapsense.estimators.rts import Floats, motions
 from gapsense.kernels.lanes import Row
 
 from . import batch
 from .batch import Tuning, Variant, Varied
+from .rts import Floats, motions
 
 
 class Estimator(NamedTuple):

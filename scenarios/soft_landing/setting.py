@@ -10,7 +10,6 @@ import numpy as np
 from scipy.integrate import quad
 
 from gapsense.estimators.reduced_model import Model, gap_law, normalise_model
-from gapsense.estimators.rts import Floats, motions
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.studies.runs import Facts
 
@@ -18,6 +17,7 @@ from .batch import MOVING, Tuning, Varied
 from .core_fit import fit_core
 from .cycle import Samples, reference, sampled
 from .reference import process_noise
+from .rts import Floats, motions
 
 NOISE = 2e-3  # sigma_i (58) [A]
 OPERATIONS = ("making", "breaking")

@@ -154,7 +154,7 @@ def identify(
 
     if model not in MODELS:
         raise ValueError(f"--model: `{model}` found, one of {', '.join(MODELS)} expected.")
-    known = find_file(parameters)
+    known = None if parameters is None else shipped(parameters)
     others: dict[str, Any] = {"model": model, "period": period, "temperature": temperature, "forms": forms}
     others |= {"hold": pairs(hold), "inductance": path(inductance), "driver": driver, "accuracy": accuracy}
     if commission:
@@ -513,11 +513,6 @@ def pairs(several: Several) -> list[str]:
 def path(file: File | None) -> Path | None:
     """As a path."""
     return None if file is None else Path(file)
-
-
-def find_file(file: File | None) -> Path | None:
-    """Find a file, or the sample of that name that comes with Gapsense."""
-    return None if file is None else shipped(file)
 
 
 def check_figure(figure: File | None) -> Path | None:

@@ -297,10 +297,13 @@ class Runnable:
             shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays))
             raise ValueError(f"shapes {shapes} found; (samples,) or (runs, samples), not empty, expected.")
         try:
-            np.broadcast_shapes(*(x.shape for x in arrays))
+            runs, samples = np.broadcast_shapes((1, 1), *(x.shape for x in arrays))
         except ValueError:
             shapes = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays) if x.ndim)
             raise ValueError(f"shapes {shapes} found, the same number of samples expected. Correct them.") from None
+        if runs > 1 == samples:  # a column of a table, which would be as many runs
+            columns = ", ".join(f"`{name}` {x.shape}" for name, x in zip(known, arrays) if x.ndim == 2)
+            raise ValueError(f"{columns} found, {runs} runs of one sample each; a record is ({runs},). Reshape it.")
         return arrays
 
     def _in_c(

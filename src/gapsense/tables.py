@@ -209,16 +209,6 @@ class Table:
         self.note(key, refusal(value, kind))
         return default
 
-    def choice(
-        self, key: str, choices: tuple[str, ...], default: str | None = None, is_optional: bool = False
-    ) -> str | None:
-        """Value of `key` out of some words; required when there is no default, unless it may be left out."""
-        value: str | None = self.take(key, TEXT, default, required=default is None and not is_optional)
-        if value is None or value in choices:
-            return value
-        self.note(key, f"`{value}` found. {suggest(value, choices)}")
-        return default
-
     def read(self, section: Section) -> dict[str, Any]:
         """Values of all keys of a section but its tables, which are for `table`; notes every key that it has not."""
         self.asked.update(key.name for key in section.keys)
@@ -228,10 +218,14 @@ class Table:
         return given
 
     def value(self, key: Key) -> Any:
-        """Value of a key of a section."""
-        if key.choices:
-            return self.choice(key.name, key.choices, key.default, bool(key.otherwise))
-        return self.take(key.name, key.kind, key.default, required=key.required)
+        """Value of a key of a section; one of some words is required, unless it has a default or may be left out."""
+        if not key.choices:
+            return self.take(key.name, key.kind, key.default, required=key.required)
+        value = self.take(key.name, TEXT, key.default, required=key.default is None and not key.otherwise)
+        if value is None or value in key.choices:
+            return value
+        self.note(key.name, f"`{value}` found. {suggest(value, key.choices)}")
+        return key.default
 
     def table(self, key: str) -> Table:
         """Table below `key`, empty where there is none; if it is no table, nothing more is said about its content."""

@@ -23,11 +23,11 @@ from gapsense.estimators.kalman import Gaussian, predict
 from gapsense.estimators.motions import room_for
 from gapsense.estimators.readings import believed_resistance
 from gapsense.estimators.reduced_model import FLUX_LINKAGE, Held, after, normalise_model, transition
-from gapsense.estimators.rts import smooth_record
 from gapsense.kernels.derivative import linearise
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import names
 from gapsense.kernels.linalg import vector
+from gapsense.scenarios.soft_landing.rts import smooth_record
 
 LOSSES = {"core_eddy": 1e-3, "core_hysteresis": 10e-3, "core_turnover": 2e-3, "core_bend": 8e6}
 KERNELS = {module: Kernel(module) for module in (ekf, ertss, ukf)}

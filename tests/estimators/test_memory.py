@@ -14,7 +14,7 @@ from lossy_valve import HALF, START, T_S, believed, square_wave
 
 from gapsense.estimators.ekf import process_noise, tuning
 from gapsense.estimators.reduced_model import normalise_model
-from gapsense.estimators.rts import Estimates, smooth_record
+from gapsense.scenarios.soft_landing.rts import Estimates, smooth_record
 
 
 class Errors(NamedTuple):

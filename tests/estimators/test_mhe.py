@@ -10,8 +10,8 @@ from mhe_signals import at_rest, blind, entry_of, kernel, model_run, rows, run, 
 from gapsense.estimators import readings
 from gapsense.estimators.mhe import solve
 from gapsense.estimators.mhe.model import device, model
-from gapsense.estimators.rts import motions
 from gapsense.scenarios.estimators.parameters import wrong
+from gapsense.scenarios.soft_landing.rts import motions
 from gapsense.studies.devices import RTS_VALVE
 
 # behaviour

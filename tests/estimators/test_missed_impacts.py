@@ -13,11 +13,11 @@ from smoother_runs import assert_published
 
 from gapsense.actuators import reluctance_actuator
 from gapsense.estimators import ertss, kinks, readings
-from gapsense.estimators.rts import smooth_record
 from gapsense.fmi.components import kernel_parameters, own
 from gapsense.kernels.layout import names
 from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.scenarios.soft_landing.cycle import reference, sampled
+from gapsense.scenarios.soft_landing.rts import smooth_record
 from gapsense.studies.devices import RTS_VALVE
 
 T_S, HALF, CYCLES = 20e-6, 500, 4

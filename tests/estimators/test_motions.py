@@ -17,7 +17,7 @@ from smoother_runs import assert_published, stepped
 from valve_signals import T_S, exact, valve
 
 from gapsense.estimators.motions import LENGTH
-from gapsense.estimators.rts import Posterior, motions, smooth_record
+from gapsense.scenarios.soft_landing.rts import Posterior, motions, smooth_record
 
 DEBOUNCE = 10 * T_S
 LANDED = 170  # the first landing of the valve; it takes off again at 627

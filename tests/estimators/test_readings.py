@@ -19,9 +19,9 @@ from table_i import defaults
 
 from gapsense.actuators import pot_magnet, solenoid_valve
 from gapsense.estimators import ekf, ertss, hybrid_ekf, readings, ukf
-from gapsense.estimators.rts import smooth_record
 from gapsense.estimators.watch import PATIENCE
 from gapsense.kernels.layout import names
+from gapsense.scenarios.soft_landing.rts import smooth_record
 from gapsense.studies.devices import VALVE
 
 Columns = Mapping[str, np.ndarray]

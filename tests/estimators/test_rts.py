@@ -15,8 +15,8 @@ from valve_signals import AREA, T_S, WINDOW, exact, valve
 from gapsense.actuators.magnetics import MU_0, fringing
 from gapsense.estimators.ekf import process_noise
 from gapsense.estimators.reduced_model import Held, normalise_model, observation, transition
-from gapsense.estimators.rts import Operation, Posterior, motions, smooth_record
 from gapsense.kernels.derivative import linearise
+from gapsense.scenarios.soft_landing.rts import Operation, Posterior, motions, smooth_record
 
 UNIT = np.array([1.0, 1.0, 0.02, 0.1, 1e-3])
 PAPER = {"process_current_error_memory": 0.0}  # with the memory the filter has better velocities, the smoother the same

@@ -10,7 +10,7 @@ from scipy.signal import butter, lfilter
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification.measurements.prepare import subtract_offsets
 from gapsense.identification.measurements.record import Columns, Record, to_record
-from gapsense.identification.valve.form import KERNELS, output_getter
+from gapsense.identification.valve.model import KERNELS, LOOKS
 from gapsense.kernels.layout import flat
 from gapsense.studies.devices import VALVE
 
@@ -130,7 +130,7 @@ def driven(c: Condition, times: np.ndarray, command: np.ndarray) -> tuple[np.nda
         v = mean if on or i < 1e-5 else -c.diode - c.clamp
         shared = 1.0 + R * c.eddy  # i = (g u + i_mag) / (1 + R g)
         state, outputs = step(state, (t, dt, v / shared), (R / shared, *constants))
-        i = (c.eddy * v + output_getter(KERNEL)(outputs)[0]) / shared
+        i = (c.eddy * v + LOOKS[Parameters](outputs)[0]) / shared
         rows.append((wanted if c.duty < 1.0 and on else v, i))
     voltage, current = np.array(rows).T
     return voltage, current

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from valve_records import GUESS, record
 
-from gapsense.identification.least_squares import long_run
+from gapsense.identification.least_squares import long_run, square
 from gapsense.identification.valve.driver import read_driver
 from gapsense.identification.valve.errors import uncertainty
 from gapsense.identification.valve.fit import POOR, fit_valve
-from gapsense.identification.valve.form import FITTED, Form, Sought, larger
-from gapsense.identification.valve.minimise import NEAR, Fit, Weighted, minimise_together, search
+from gapsense.identification.valve.form import FITTED, Form
+from gapsense.identification.valve.minimise import Fit, search
 from gapsense.identification.valve.model import (
     balance,
-    cost,
     first_operation,
     integrate_flux,
     prepare,
@@ -58,7 +57,7 @@ def test_cost_is_that_of_the_paper():
     i, lam = experiment.current, experiment.flux_linkage
     J = 10.0 / (i**2).max() * ((i - model.current) ** 2).sum()
     J += 1.0 / (lam**2).max() * ((lam - integrate_flux(experiment, model.current)) ** 2).sum()
-    assert cost(residuals(Form(VALVE), [np.zeros(6)], [experiment])[0]) == pytest.approx(J, rel=1e-12)
+    assert square(residuals(Form(VALVE), [np.zeros(6)], [experiment])[0]) == pytest.approx(J, rel=1e-12)
     assert np.abs(integrate_flux(experiment, model.current) - model.flux_linkage).max() < 5e-3 * lam.max()
 
 
@@ -124,19 +123,8 @@ def test_bad_minimum_is_rejected_by_its_cost():
     alone = fit.least_squares(np.zeros(6), [experiment])
     starts = fit.multi_start([experiment], 3, 1)
     costs = sorted(s.cost for s in starts)
-    assert costs[0] <= cost(residuals(Form(far), [alone], [experiment])[0]) + 1e-12
+    assert costs[0] <= square(residuals(Form(far), [alone], [experiment])[0]) + 1e-12
     assert costs[0] < 1e-3
-
-
-def test_minima_that_are_sought_together_have_the_bits_that_they_have_alone():
-    """Two forms with the same model, one with another, and one from two starts."""
-    firsts, plain = [first_operation(prepare(record(seed=1))[0])], Form(GUESS)
-    eddy, fringing = larger(plain, Sought(("eddy", "fringing")))
-    forms = (plain, fringing, eddy, eddy)
-    starts = [np.full(form.start.size, 0.05 * k) for k, form in enumerate(forms)]
-    found = minimise_together([Weighted(form, firsts) for form in forms], starts, NEAR)
-    for form, start, end in zip(forms, starts, found):
-        np.testing.assert_array_equal(end.point, Fit(form).least_squares(start, firsts, NEAR))
 
 
 def test_validation_on_another_drive_has_only_noise_left():
@@ -177,7 +165,9 @@ def test_standard_errors_are_those_of_many_records():
 def test_least_squares_needs_a_small_part_of_the_evaluations_of_the_search():
     first, fit = first_operation(prepare(record(seed=1))[0]), Fit(Form(GUESS))
     ratios = fit.least_squares(np.zeros(6), [first])
-    ours, needed = cost(residuals(Form(GUESS), [ratios], [first])[0]), fit.samples / first.current.size
-    theirs = search(lambda x: cost(residuals(Form(GUESS), [x], [first])[0]), np.zeros(6), 0.1, limit=round(12 * needed))
+    ours, needed = square(residuals(Form(GUESS), [ratios], [first])[0]), fit.samples / first.current.size
+    theirs = search(
+        lambda x: square(residuals(Form(GUESS), [x], [first])[0]), np.zeros(6), 0.1, limit=round(12 * needed)
+    )
     assert ours < 0.99 * theirs.value
     assert theirs.value < 2.0 * ours  # but it gets there

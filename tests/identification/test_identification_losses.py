@@ -212,16 +212,6 @@ def test_factor_on_a_table_is_on_both_of_its_columns():
     assert par.gap_file_slope == pytest.approx([2.0 * x for x in slope])
 
 
-@pytest.mark.parametrize("known", [VALVE, with_losses(VALVE)], ids=["plain", "with losses"])
-def test_devices_at_several_points_are_those_at_each(known):
-    sought = Sought(held=("coil_turns",))
-    forms = [plain(known, sought), *larger(plain(known, sought), sought)]
-    rng = np.random.default_rng(1)
-    for form in forms:
-        points = [*rng.uniform(-1.0, 1.0, (3, len(form.fitted)))]
-        assert form.at_each(points) == [form.at(ratios) for ratios in points]
-
-
 def test_what_has_no_effect_is_held_at_the_first_guess():
     result = fit_valve([record(seed=1, volts=6.0)], GUESS, starts=1, sought=Sought(()))
     assert set(result.held) == {"mover_mass", "spring_stiffness", "damping"}

@@ -20,8 +20,8 @@ from gapsense.kernels.emit import C, Graph
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.layout import fields, flat, names
 
-# as native FMUs are compiled
-FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
+LEVEL = os.environ.get("C_CODE_LEVEL", "-O1")  # as native FMUs are compiled; quick tests: -O0 (tests/conftest.py)
+FLAGS = ("-std=c99", LEVEL, "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC")
 KEPT = Path(__file__).resolve().parents[2] / "build" / "c_code"  # libraries by their source and options
 
 # all samples of a record in one call, or those of a later part of it
@@ -68,7 +68,9 @@ class CKernel:
 
     def __init__(self, kernel: Kernel, folder: Path, single: bool = False) -> None:
         self.kernel, self.real = kernel, np.float32 if single else np.float64
-        self.library = build(kernel.c() + RUN % {"name": kernel.name}, folder, single)
+        if "as C" not in vars(kernel):  # beside its cached properties: it is the same in single precision
+            vars(kernel)["as C"] = kernel.c() + RUN % {"name": kernel.name}
+        self.library = build(vars(kernel)["as C"], folder, single)
         state = fields(kernel.module.State)
         self.memory = [np.zeros(f.size, self.real) for f in state.values() if f.kind == "memory"]
         self.state = self._scalars(kernel.module.State)

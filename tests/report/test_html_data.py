@@ -16,17 +16,18 @@ from hypothesis import strategies as st
 from gapsense.cosim import load, read_result, run
 from gapsense.cosim.result.metrics import rms
 from gapsense.cosim.result.result import Signal
-from gapsense.cosim.scenario.records import Metric, Port
+from gapsense.cosim.scenario.records import Metric, Port, Span
 from gapsense.report.html import curves
+from gapsense.report.html.figures import make_time_axis
 from gapsense.report.html.run import consistency, pairs, panels, strips
-from gapsense.report.html.subject import Shown, events, read_all, regression
+from gapsense.report.html.subject import Shown, read_all, regression
 from gapsense.report.html.wiring import Wire, arrange_boxes
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
 
 def shown(result, scenario=None) -> Shown:
-    return Shown(Path("x.csv"), result, scenario, "", ())
+    return Shown(Path("x.csv"), result, scenario, "")
 
 
 @given(st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(float("nan"))), min_size=1, max_size=400), st.integers(4, 60))
@@ -219,19 +220,11 @@ def test_runs_of_a_sweep_are_not_held_against_the_baseline_but_for_the_one_that_
     assert replace(one, scenario=scenario, result=other).is_changed
 
 
-def test_events_of_the_side_car_end_with_the_run_where_they_do_not_say():
-    told = {
-        "run": {
-            "stop": 2.0,
-            "events": [
-                {"name": "a", "begin": 0, "end": 1},
-                {"name": "b", "begin": 1, "action": "set", "target": "x.y"},
-            ],
-        }
-    }
-    assert [tuple(vars(e).values()) for e in events(told)] == [("a", 0.0, 1.0, ""), ("b", 1.0, 2.0, "set x.y")]
-    assert events({"run": {"stop": 2.0}, "events": [{"name": "a", "begin": 1, "end": None}]})[0].end == 2.0
-    assert events({}) == ()
+def test_events_are_shaded_to_the_end_of_the_run_where_they_do_not_say():
+    spans = (Span("a", "x.y", "set", 0.0, 1e-2), Span("b", "x.y", "set", 1e-2, None))
+    result = replace(made(), events=spans)
+    assert make_time_axis(shown(result), {}, 100).events == ((0.0, 1e-2), (1e-2, result.run.stop))
+    assert make_time_axis(shown(made()), {}, 100).events == ()
 
 
 NAMES = tuple("abcdefghijkl")

@@ -222,12 +222,12 @@ def test_many_runs_are_counted_and_many_chapter_are_chosen(tmp_path, monkeypatch
     monkeypatch.setattr(distributions, "POINTS", 20)
     monkeypatch.setattr(many_chapter, "PANELS", 6)
     many = read_many(made_campaign(tmp_path / "out", 200))
-    found = many_chapter.panels(many)
-    assert found.chosen == {"miss": ["valve.mode", "valve.on"], "noise": ["valve.mode", "valve.on"]}
-    assert found.note == "2 of 3 metrics are drawn, each over the 2 of 4 parameters that it depends on most. "
+    chosen, note = many_chapter.panels(many)
+    assert chosen == {"miss": ["valve.mode", "valve.on"], "noise": ["valve.mode", "valve.on"]}
+    assert note == "2 of 3 metrics are drawn, each over the 2 of 4 parameters that it depends on most. "
     monkeypatch.setattr(many_chapter, "METRICS", 1)
     monkeypatch.setattr("gapsense.many.summary.MOST_LEVELS", 5)
-    (only,) = many_chapter.panels(many).chosen
+    (only,) = many_chapter.panels(many)[0]
     assert only == "miss"  # it leaves its bounds
     drawer = many_chapter.Drawer(read_many(many.file), {"miss": ["valve.r"]})
     (image,) = drawer.over("miss", "valve.r", "key").figure.renderers

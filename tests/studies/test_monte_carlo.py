@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from wrong_models import filter_parameters
 
-from gapsense.estimators.rts import motions, smooth_record
 from gapsense.many import provenance as of
 from gapsense.scenarios.soft_landing.batch import Tuning, Variant, Varied
 from gapsense.scenarios.soft_landing.comparison import (
@@ -28,6 +27,7 @@ from gapsense.scenarios.soft_landing.comparison import (
     squared_errors,
     trajectories,
 )
+from gapsense.scenarios.soft_landing.rts import motions, smooth_record
 from gapsense.scenarios.soft_landing.setting import (
     CHUNK,
     chunks,

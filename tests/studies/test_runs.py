@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from wrong_models import Textbook, filter_parameters
 
-from gapsense.estimators.rts import smooth_record
 from gapsense.scenarios.soft_landing.batch import MOVING, Tuning, Variant, uncertain
+from gapsense.scenarios.soft_landing.rts import smooth_record
 from gapsense.scenarios.soft_landing.runs import Estimator, filtered, open_loop, smoothed
 from gapsense.scenarios.soft_landing.setting import errors, gap_means, noise, perturbed
 

@@ -223,6 +223,13 @@ def test_response_shows_itself():
         many.plot()
 
 
+def test_column_of_a_table_is_not_taken_for_as_many_runs():
+    column = np.ones((40, 1))
+    with pytest.raises(ValueError, match=r"`voltage` \(40, 1\), `current` \(40, 1\) found, 40 runs of one sample each"):
+        gapsense.Semera().run(column, column)
+    assert gapsense.Semera().run(column.T, column[:3]).flux_linkage.shape == (3, 40)  # a current for each run
+
+
 def test_parameters_come_from_a_file_as_far_as_a_component_has_them(tmp_path):
     file = tmp_path / "valve.toml"
     file.write_text('[values]\n"coil.resistance" = 51.5\ndamping = 0.4\n', encoding="utf-8")

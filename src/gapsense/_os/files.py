@@ -60,7 +60,8 @@ def write_atomically(path: Path, write: Write) -> None:
 
 @contextmanager
 def prepare_file(path: Path, write: Write) -> Iterator[Path]:
-    """Write a file beside `path`, for `rename`; it is removed if that does not happen."""
+    """Write a file beside `path`, in a folder that is made if need be, for `rename`; else it is removed again."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     clean(path.parent.resolve())
     with naming(path):
         mine = held(lambda: new_part(path))

@@ -51,8 +51,7 @@ def zig_compiler() -> tuple[str, ...]:
 
 def own_compiler() -> tuple[str, ...] | None:
     """Command of the C compiler of this machine: what `CC` names, or else the first one that is found, or Zig's."""
-    named = shlex.split(os.environ.get("CC", ""))
-    if named:
+    if named := shlex.split(os.environ.get("CC", "")):
         return tuple(named) if shutil.which(named[0]) else None
     found = next(filter(None, map(shutil.which, ("cc", "gcc", "clang"))), None)
     return (found,) if found else zig_compiler() if zig_version() else None

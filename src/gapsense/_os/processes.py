@@ -224,15 +224,13 @@ def own_marks() -> Marks | None:
 
 
 def follow() -> None:
-    """End this process, whatever it does, when the process ends that started it."""
+    """End this process, whatever it does, when the process ends that started it.
+
+    It leaves no files, though another thread may just be writing some: a fork has only this one.
+    """
     parent = os.getppid()
     while os.getppid() == parent:
         sleep(LOOK)
-    vanish()
-
-
-def vanish() -> None:
-    """End this process and leave no files, though another thread may just be writing some: a fork has only this one."""
     if sys.platform == "linux":
         warnings.simplefilter("ignore")  # Python warns of forks that have more to do
         own = os.getpid()

@@ -169,7 +169,7 @@ class Server:
 
     def answer(self, number: int, request: Any) -> Entry:
         """Entry of a request, from another process if one dies of it and it is to be tried again."""
-        for left in reversed(range(self.job.tries)):
+        for _ in range(self.job.tries):
             self.ready()
             try:
                 return {"index": number, **self.process.ask(request, f"run {number}")}
@@ -179,8 +179,6 @@ class Server:
                 entry = {"index": number, **self.job.on_worker_death(died, self.process.marks)}
             self.process.close()
             self.is_gone = True
-            if not left:
-                break
         return entry
 
     def dismiss(self) -> None:

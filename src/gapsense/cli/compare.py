@@ -66,8 +66,7 @@ def tell(found: Comparison, name: str) -> None:
         console.show(f"{'as before' if found.passed else 'DIFFERS'}  {name}")
     for sentence in found.sentences:
         console.show(sentence)
-    near = [d for d in found.within if d.share]
-    if near:
+    if near := [d for d in found.within if d.share]:
         console.show(differences.nearest(near))
     console.show(found.summary)
 

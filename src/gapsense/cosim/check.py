@@ -357,18 +357,14 @@ class Checker:
 
     def inputs(self) -> Iterator[str]:
         """Inputs known, their constants and signals of the right type and within their limits."""
-        for port, value in self.scenario.inputs.items():
+        for port, given in (*self.scenario.inputs.items(), *self.scenario.played.items()):
             yield from self.resolve(port, "input", f"inputs.{port}")
-            variable = self.variable(port)
-            problem = None if variable is None else misfit(value, variable)
-            if problem:
-                yield f"inputs.{port}: {problem}"
-        for port, played in self.scenario.played.items():
-            yield from self.resolve(port, "input", f"inputs.{port}")
-            variable = self.variable(port)
-            problems = [] if variable is None else [*check_signal(played, variable)]
-            problems += [] if "experiment" in self.broken else [*check_span(played, self.scenario.experiment)]
-            yield from (f"inputs.{port}: {problem}" for problem in problems)
+            problems: list[str | None] = []
+            if variable := self.variable(port):
+                problems += check_signal(given, variable) if isinstance(given, Played) else [misfit(given, variable)]
+            if isinstance(given, Played) and "experiment" not in self.broken:
+                problems += check_span(given, self.scenario.experiment)
+            yield from (f"inputs.{port}: {problem}" for problem in problems if problem)
 
     def check_drivers(self) -> Iterator[str]:
         """Check that every input is driven exactly once."""
@@ -377,23 +373,18 @@ class Checker:
             drivers.setdefault(connection.target, []).append(connection.place)
         for port in (*self.scenario.inputs, *self.scenario.played):
             drivers.setdefault(port, []).append(f"inputs.{port}")
-        for port, place in self.find_start_values():
-            drivers.setdefault(port, []).append(place)
+        for name, description in self.descriptions.items():
+            given = self.scenario.components[name].values
+            for port in (Port(name, variable.name) for variable in description.of("input")):
+                if port.variable in given:
+                    drivers.setdefault(port, []).append(f"components.{name}.set")
+                elif port in self.scenario.swept:
+                    drivers.setdefault(port, []).append(f"sweep.{port}")
         for port, places in drivers.items():
             if len(places) > 1:
                 yield f"{places[-1]}: `{port}` is driven {len(places)} times, by {', '.join(places)}. Keep one."
         if not self.broken & {"connections", "inputs"}:
             yield from self.idle(drivers)
-
-    def find_start_values(self) -> Iterator[tuple[Port, str]]:
-        """Find inputs to which the `set` of their component or else a sweep gives a value, and where."""
-        for name, description in self.descriptions.items():
-            given = self.scenario.components[name].values
-            for port in (Port(name, variable.name) for variable in description.of("input")):
-                if port.variable in given:
-                    yield port, f"components.{name}.set"
-                elif port in self.scenario.swept:
-                    yield port, f"sweep.{port}"
 
     def idle(self, drivers: Mapping[Port, list[str]]) -> Iterator[str]:
         """Inputs that nothing drives."""
@@ -578,8 +569,7 @@ def check_sets(components: Mapping[str, Component], descriptions: Descriptions) 
 def check_values(component: Component, description: Description) -> Iterator[str]:
     """Problems with the parameter values of a component, wherever they were given."""
     for name, value in component.values.items():
-        problem = value_problem(name, value, description)
-        if problem:
+        if problem := value_problem(name, value, description):
             yield f"components.{component.name} (from {component.origin[name]}): {problem}"
     touched = {description.variables[name].array for name in component.values if name in description.variables}
     for array in sorted(touched - {""}):
@@ -590,9 +580,7 @@ def check_values(component: Component, description: Description) -> Iterator[str
 def value_problem(name: str, value: Value, description: Description) -> str | None:
     """What is wrong with setting a variable to a value before the run, or None."""
     problem = name_problem(name, description.variables, True)
-    if problem:
-        return problem
-    return misfit(value, description.variables[name], f"`{name}` is {{}}")
+    return problem or misfit(value, description.variables[name], f"`{name}` is {{}}")
 
 
 def misfit(value: Value, variable: Variable, said: str = "{} found") -> str | None:
@@ -670,8 +658,7 @@ def check_swept(
             "expected, and nothing is converted. Convert the column."
         )
     for row, value in enumerate(values):
-        problem = value_problem(name, value, description)
-        if problem:
+        if problem := value_problem(name, value, description):
             yield f"{place}{f' ({column.place(row)})' if column else ''}: {problem}"
         elif name == "sample_time":
             yield from check_grid(replace(component, values={name: value}), description, experiment)
@@ -989,8 +976,7 @@ def target_problems(event: Event, scenario: Scenario, descriptions: Descriptions
         if description is None:
             continue
         variable = description.variables.get(one.target.variable)
-        problem = refusal(one, variable, description)
-        if problem:
+        if problem := refusal(one, variable, description):
             yield problem
         elif variable is not None:
             yield from value_problems(one, variable, scenario, description)
@@ -1131,7 +1117,9 @@ def both_ways(scenario: Scenario, descriptions: Descriptions) -> Iterator[str]:
         is_explicit = scenario.experiment.method == "gauss-seidel"
         order = execution_order([*scenario.components], scenario.connections, descriptions) if is_explicit else None
         loops = [c for c in loops if (c in order.delayed if order else c.delayed)]
-    if loops and not is_measured(scenario, descriptions):
+    found = facts_beside(measured_file(scenario)) if loops else {}
+    is_measured = is_sealed(found) and found.get("of") == subject(scenario, descriptions)
+    if loops and not is_measured:
         first = loops[0]
         yield (
             f"connections: `{first.source.component}` and `{first.target.component}` drive each other, `{first}` one "
@@ -1146,12 +1134,6 @@ def measured_file(scenario: Scenario) -> Path:
     """File with the measured errors of a scenario or of its variant."""
     name = f"converged.{scenario.variant}.json" if scenario.variant else "converged.json"
     return scenario.path.parent / name
-
-
-def is_measured(scenario: Scenario, descriptions: Descriptions) -> bool:
-    """True if the error was measured of this scenario as it is, with these FMUs."""
-    found = facts_beside(measured_file(scenario))
-    return is_sealed(found) and bool(found.get("of") == subject(scenario, descriptions))
 
 
 def subject(scenario: Scenario, descriptions: Descriptions) -> Any:

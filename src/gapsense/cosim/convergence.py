@@ -15,6 +15,7 @@ from time import perf_counter
 from typing import Any, TextIO
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 
 from gapsense._os.files import refuse_export, refuse_unwritable, seal, write_atomically, write_json
 from gapsense.cosim.check import check_size, is_sampled, measured_file, memory, prepare, subject, within
@@ -212,15 +213,14 @@ def converge(
     keep = (keep,) if isinstance(keep, str) else keep
     read, descriptions = prepare(scenario, variant, fmus)
     refuse(read, runs, budget, tolerance, keep, write)
-    if problems := [
-        *check_size(record_wires(read), runs * len(recorded_signals(record_wires(read), descriptions)), memory())
-    ]:
-        raise ScenarioError([f"{read.path.name}, {problems[0]} All runs are kept: fewer `--runs` need less, too."])
+    wired = record_wires(read)
+    for problem in check_size(wired, runs * len(recorded_signals(wired, descriptions)), memory()):
+        raise ScenarioError([f"{read.path.name}, {problem} All runs are kept: fewer `--runs` need less, too."])
     held = frozenset(n for n, c in read.components.items() if is_sampled(c, descriptions[n])) | {*keep}
     if held >= {*read.components}:
         told = "every component is sampled or kept: no exchange could be finer, and there is nothing to measure"
         raise ScenarioError([f"{read.path.name}: {told}. Leave out a `--keep`."])
-    plan, begin = record_wires(set_isolation(read, isolation, None)), perf_counter()
+    plan, begin = set_isolation(wired, isolation, None), perf_counter()
     judge = Judge(read, descriptions, held, tolerance)
     results = [once(plan, descriptions, progress)]
     if judge.random:
@@ -414,6 +414,7 @@ class Judge:
             why = why or f"{RESTLESS}: {numbers} {about.unit}".rstrip()
         steps = [first.base_step / 2**k for k in range(len(values))]
         step, is_least = (None, False) if why else longest(steps, errors, order, allowed, self.limit(len(values)))
+        moved = apart(values[0], last)[find_excused(values[0], last)]
         return Tendency(
             signal=name,
             unit=about.unit,
@@ -424,7 +425,7 @@ class Judge:
             order=order,
             step=step,
             is_least=is_least,
-            at_edges=largest(apart(values[0], last)[find_excused(values[0], last)]),
+            at_edges=float(moved[np.isfinite(moved)].max(initial=0.0)),
             why=why,
         )
 
@@ -492,15 +493,9 @@ def is_discrete(variable: Variable, values: Iterable[Vector]) -> bool:
 def find_excused(values: Vector, reference: Vector) -> Rows:
     """Find rows where a signal differs only because an edge, or a gap of lost samples, comes a row earlier or later."""
     mine, theirs = np.isnan(values), np.isnan(reference)
-    gap = (mine != theirs) & beside(mine) & beside(theirs) & beside(~mine) & beside(~theirs)
+    near = [binary_dilation(rows) for rows in (mine, theirs, ~mine, ~theirs)]  # rows, and those next to them
+    gap = (mine != theirs) & np.logical_and.reduce(near)
     found: Rows = find_moved_edges(values, reference, 0.0, EDGE_ROWS) | gap
-    return found
-
-
-def beside(rows: Rows) -> Rows:
-    """Rows that are chosen or next to one that is."""
-    padded = np.pad(rows, 1)
-    found: Rows = padded[:-2] | padded[1:-1] | padded[2:]
     return found
 
 
@@ -508,11 +503,6 @@ def greatest(values: Vector, reference: Vector, limit: Vector | None = None) -> 
     """Greatest difference that no edge excuses, to the reference or to the limit of all runs."""
     difference = apart(values, reference if limit is None else limit)
     return float(np.where(find_excused(values, reference), 0.0, difference).max(initial=0.0))
-
-
-def largest(differences: Vector) -> float:
-    """Greatest of those that are finite."""
-    return float(differences[np.isfinite(differences)].max(initial=0.0))
 
 
 def apart(values: Vector, reference: Vector) -> Vector:

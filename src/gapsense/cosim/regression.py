@@ -89,8 +89,7 @@ def find_scenarios(folder: str | Path) -> list[Path]:
     folder = Path(folder)
     if not folder.is_dir() and (file := scenario_file(folder)).is_file():
         return [file]
-    files = sorted(folder.rglob("scenario.toml"))
-    if not files:
+    if not (files := sorted(folder.rglob("scenario.toml"))):
         raise ScenarioError([f"{folder}: there is no `scenario.toml` in this folder or below. Correct the path."])
     return files
 
@@ -293,8 +292,6 @@ def state_baseline(scenario: Source, variant: str | None) -> str:
 
 def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:
     """Write outcomes as a JUnit file, complete or not at all."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     root = Element("testsuites", {"name": "gapsense", **counts(outcomes)})
     for outcome in outcomes:
         name, time = outcome.scenario, f"{outcome.seconds:.3f}"
@@ -306,7 +303,7 @@ def write_junit(outcomes: Sequence[Outcome], path: str | Path) -> None:
                 SubElement(case, "failure", message=text.splitlines()[0]).text = text
     indent(root)
     text = '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
-    write_atomically(path, lambda file: print(text, end="", file=file))
+    write_atomically(Path(path), lambda file: print(text, end="", file=file))
 
 
 def counts(outcomes: Sequence[Outcome]) -> dict[str, str]:

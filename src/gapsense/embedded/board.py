@@ -24,7 +24,8 @@ def template(name: str) -> str:
 def loop_files(designs: Sequence[Design]) -> Mapping[str, str]:
     """Text of every file that a board in the loop needs beside the components."""
     number = struct.calcsize(CODES[designs[0].real])
-    data = max(LEAST, *(8 + number * len(record) for d in designs for record in (*_list_transfers(d), _numbers(d)[0])))
+    moved = [record for d in designs for record in (d.kept["inputs"], d.kept["outputs"], _numbers(d)[0])]
+    data = max(LEAST, *(8 + number * len(record) for record in moved))
     made = {
         "components.h": template("components.h").format(version=__version__, data=data, number=number),
         "components.c": template("components.c").format(
@@ -38,11 +39,6 @@ def loop_files(designs: Sequence[Design]) -> Mapping[str, str]:
     texts = {p.name: p.read_text(encoding="utf-8") for p in sorted(LOOP.iterdir()) if p.is_file()}
     texts["Makefile"] = texts["Makefile"].replace("COMPONENTS", " ".join(f"{d.name}.c" for d in designs))
     return {**texts, **made}
-
-
-def _list_transfers(design: Design) -> tuple[Sequence[str], Sequence[str]]:
-    """List inputs and outputs that go over the line in each step."""
-    return design.kept["inputs"], design.kept["outputs"]
 
 
 def _numbers(design: Design) -> tuple[list[str], list[str]]:
@@ -63,8 +59,7 @@ def checksum_constants(design: Design) -> int:
 
 def about(design: Design) -> str:
     """What the board says of a component: its name, then the names of what is moved, set and part of the code."""
-    inputs, outputs = _list_transfers(design)
-    lists = (inputs, outputs, *_numbers(design))
+    lists = (design.kept["inputs"], design.kept["outputs"], *_numbers(design))
     return "\n".join([design.component.name, *(" ".join(names) for names in lists)])
 
 

@@ -69,8 +69,7 @@ def export(designs: Sequence[Design], folder: Path, in_loop: bool = False, ram: 
 def keep_foreign(texts: Mapping[Path, str]) -> None:
     """Refuse to overwrite files that no export has made, or that were made to be changed and have been changed."""
     there = {path: path.read_text(encoding="utf-8", errors="replace") for path in texts if path.is_file()}
-    foreign = [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]
-    if foreign:
+    if foreign := [path for path, found in there.items() if not MARK.search(found) and found != texts[path]]:
         raise InputError(
             [f"`{path}` exists and is not an exported file. Move it, or choose another folder." for path in foreign]
         )
@@ -210,8 +209,7 @@ def signals(design: Design) -> list[str]:
 
 
 def _table(design: Design, rows: Sequence[Sequence[float]]) -> str:
-    names = signals(design)
-    if not names:
+    if not (names := signals(design)):
         return ""
     units = {port.field: port.unit for port in design.component.of("input")}
     titles = ", ".join(f"{name} [{units[name]}]" for name in names)
@@ -301,13 +299,8 @@ def _declare_member(member: Member) -> list[str]:
 def _prototypes(design: Design) -> Iterator[str]:
     if "par" in members(design):
         yield f"/* The start values of the parameters. */\n{_defaults_head(design)};"
-    for graph in graphs(design):
-        name = _name(graph)
+    for name in graphs(design):
         yield f"/* {FUNCTIONS[name][2]} */\n{_declare_function(design, name)};"
-
-
-def _name(graph: Graph) -> str:
-    return {"constants": "prepare", "advance": "step"}.get(graph.name, graph.name)
 
 
 def _declare_function(design: Design, name: str) -> str:
@@ -334,7 +327,7 @@ def source(design: Design) -> str:
         *_tables(design),
         *_helpers(design),
         *([_defaults(design)] if "par" in members(design) else []),
-        *(_function(design, graph) for graph in graphs(design)),
+        *(_function(design, name, graph) for name, graph in graphs(design).items()),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -350,7 +343,7 @@ def _tables(design: Design) -> Iterator[str]:
 
 def _helpers(design: Design) -> Iterator[str]:
     """Functions of indices that are used."""
-    lines = [line for graph in graphs(design) for line in _body(design, graph)]
+    lines = [line for graph in graphs(design).values() for line in _body(design, graph)]
     for name, (about, text) in HELPERS.items():
         if any(f"{name}(" in line for line in lines):
             yield f"/* {about} */\n{text.replace('{real}', design.real).strip()}"
@@ -376,8 +369,8 @@ def _body(design: Design, graph: Graph) -> list[str]:
     ).body()
 
 
-def _function(design: Design, graph: Graph) -> str:
+def _function(design: Design, name: str, graph: Graph) -> str:
     body = _body(design, graph)
-    given = (n for n in FUNCTIONS[_name(graph)][0] if n in members(design))
+    given = (n for n in FUNCTIONS[name][0] if n in members(design))
     unused = [n for n in given if not any(f"{n}->" in line for line in body)]
-    return "\n".join([_declare_function(design, _name(graph)), "{", *(f"    (void){n};" for n in unused), *body, "}"])
+    return "\n".join([_declare_function(design, name), "{", *(f"    (void){n};" for n in unused), *body, "}"])

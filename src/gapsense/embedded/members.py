@@ -138,6 +138,7 @@ def field_comments(cls: type) -> dict[str, str]:
     return found | {match[1]: match[2] for line in lines if (match := FIELD.match(line)) and match[2]}
 
 
-def graphs(design: Design) -> list[Graph]:
-    """All functions of a component."""
-    return [graph for graph in (design.initial, design.prepare, design.step) if graph]
+def graphs(design: Design) -> dict[str, Graph]:
+    """All functions of a component, by their names in C."""
+    known = {"initial": design.initial, "prepare": design.prepare, "step": design.step}
+    return {name: graph for name, graph in known.items() if graph}

@@ -26,7 +26,7 @@ from gapsense.identification.scale import find_tuning
 from gapsense.identification.show import measured_and_model, say_what_is_exact
 from gapsense.identification.temperature import temperature_notes, temperature_tables, with_temperatures
 from gapsense.identification.valve import show
-from gapsense.identification.valve.driver import OHMS, Driver, doubt_resistance, driver_notes, read_driver
+from gapsense.identification.valve.driver import OHMS, Driver, doubt_resistance, driver_notes, read_driver, split_names
 from gapsense.identification.valve.fit import Identified, fit_valve
 from gapsense.identification.valve.form import FITTED, LOSSES, SCALES, Sought, find_needed, missing, plain
 from gapsense.identification.valve.gap import TURNS, Gap, describe_gap, find_gap, keep_law
@@ -66,11 +66,6 @@ def check_believed(parameters: Path | None, others: Mapping[str, object]) -> Pat
     if given := [f"--{name}" for name, value in others.items() if value and value != AUTO]:
         raise ValueError(f"--commission: {', '.join(given)} found; this command has no such option. Leave it out.")
     return parameters
-
-
-def split_names(texts: Sequence[str]) -> list[str]:
-    """Names with commas between."""
-    return [name.strip() for text in texts for name in text.split(",") if name.strip()]
 
 
 TABLE_I = "[SEMERA] Table I"
@@ -224,7 +219,8 @@ def identify(given: Given, to: Path, starts: int, seed: int, progress: Progress)
     given.ask()
     start = find_gap(par, given.records, given.sought, given.inductance, open_, period)
     given.ask_for(start.parameters, start.sought)
-    result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *start.more, given.drive)
+    sought = start.conventions, start.sought, given.drive
+    result = fit_valve(start.records, start.parameters, starts, seed, period, progress, *sought)
     return finish_valve(given, start, result, told, to)
 
 

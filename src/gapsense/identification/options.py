@@ -10,7 +10,7 @@ from pathlib import Path
 from textwrap import fill, indent
 from typing import Any, NamedTuple, SupportsFloat, TypeVar, cast
 
-from gapsense.problems import InputError
+from gapsense.problems import InputError, format_limits
 
 CONVENTIONS = ("trapezoid", "end", "start", "filtered", "slow")  # what a recorded voltage was between two samples
 SHARP = CONVENTIONS[:3]  # edges take no time; those of the others tell how long they take
@@ -141,9 +141,10 @@ def document_arguments(function: Function) -> Function:
     def call(*arguments: Any, **options: Any) -> Any:
         limited = {name: OPTIONS[key(function.__name__, name)].limits for name in options if name in known}
         if problems := [
-            f"--{name}: {options[name]} found, a number {between(*limits)} expected. Correct it."
+            f"--{name}: {options[name]} found, a number {between} {format_limits(*limits)} expected. Correct it."
             for name, limits in limited.items()
             if limits and options[name] is not None and not is_within(options[name], *limits)
+            for between in ["of" if limits[1] is None else "from"]
         ]:
             raise InputError(problems)
         return function(*arguments, **options)
@@ -154,8 +155,3 @@ def document_arguments(function: Function) -> Function:
 def is_within(value: Any, low: float, high: float | None) -> bool:
     """True for a finite number that is not beyond the limits."""
     return isinstance(value, SupportsFloat) and low <= float(value) <= (sys.float_info.max if high is None else high)
-
-
-def between(low: float, high: float | None) -> str:
-    """The limits in words."""
-    return f"of at least {low:g}" if high is None else f"from {low:g} to {high:g}"

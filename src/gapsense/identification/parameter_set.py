@@ -26,6 +26,7 @@ from gapsense.fmi.values import ValuesError, fields, unknown_parameter
 from gapsense.identification.assumptions import marks
 from gapsense.parameters import ParameterSet, is_file, read_set
 from gapsense.problems import InputError
+from gapsense.report.table import percent
 from gapsense.tables import Value
 
 # Parameters of each law of the valve.
@@ -90,7 +91,7 @@ def error_note(error: float | None, is_poor: bool = False) -> str:
 
 def format_error(error: float) -> str:
     """Write a relative standard error; at a limit of a search, and without any effect, there is none."""
-    return f"{100.0 * error:.2g} %" if math.isfinite(error) else "unknown"
+    return percent(error) if math.isfinite(error) else "unknown"
 
 
 def write_table(file: Path, columns: Mapping[str, NDArray[np.float64]]) -> Path:

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from gapsense.identification.least_squares import rms
-from gapsense.identification.measurements.record import Record
+from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.valve.model import Trajectory
 from gapsense.report.plot import FIRST, SECOND, TRUE, legend, line, scale_axis, stack
-from gapsense.report.table import quantity, table
+from gapsense.report.table import percent, quantity, table
 
 STROKE = ", and with a stroke 1 % too large mass, stiffness and damping are 2 % too small"
 TWO_SIDED = 1.96  # standard errors of a 95 % interval
@@ -25,22 +25,16 @@ class Validation(NamedTuple):
     record: Record
     model: Trajectory  # from sample `first` on
     first: int  # the last sample at rest
-    rms: float  # of the error of the model's current [A]
-    largest: float  # the same
-    largest_current: float  # [A]
 
+    @property
+    def error(self) -> Vector:
+        """Of the model's current [A]."""
+        return np.asarray(self.record.current[self.first :] - self.model.current)
 
-def compare(record: Record, model: Trajectory, first: int) -> Validation:
-    """The current of a model, which begins at sample `first`, beside that of a record."""
-    error = record.current[first:] - model.current
-    return Validation(
-        record=record,
-        model=model,
-        first=first,
-        rms=rms(error),
-        largest=float(np.abs(error).max()),
-        largest_current=float(np.abs(record.current).max()),
-    )
+    @property
+    def rms(self) -> float:
+        """The same."""
+        return rms(self.error)
 
 
 def about(*records: Record) -> Iterator[str]:
@@ -70,11 +64,10 @@ def say_what_is_exact(given: Collection[str], accuracy: Collection[str] = (), ho
 
 def validation(checks: Sequence[Validation]) -> Table:
     """How well the model predicts records that were not used for the fit."""
-    rows = (
-        (c.record.name, quantity(c.rms, "A"), quantity(c.largest, "A"), f"{100.0 * c.rms / c.largest_current:.2g} %")
-        for c in checks
-    )
-    heads = ("record", "RMS error", "largest", "of the largest current")
+    heads, rows = ("record", "RMS error", "largest", "of the largest current"), []
+    for c in checks:
+        most, size = float(np.abs(c.error).max()), float(np.abs(c.record.current).max())
+        rows.append((c.record.name, quantity(c.rms, "A"), quantity(most, "A"), percent(c.rms / size)))
     return table("Validation, not used for the fit", heads, rows)
 
 

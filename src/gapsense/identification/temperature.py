@@ -16,7 +16,7 @@ from rich.table import Table
 from gapsense.identification.measurements.operations import Flux, trapezoid
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.measurements.signals import hidden, noise
-from gapsense.report.table import quantity, table
+from gapsense.report.table import percent, quantity, table
 
 REFERENCE = 20.0  # degC
 LEAST = 10.0  # K between the coldest and the hottest record
@@ -150,15 +150,10 @@ def temperature_tables(records: Sequence[Record], resistance: float, found: Coef
 
 def by_temperature(records: Sequence[Record], found: Coefficient) -> Table:
     """Resistance of each record beside the line through them."""
-    rows = (
-        (
-            record.name,
-            f"{T:.4g} degC",
-            f"{quantity(R, 'Ohm')} +- {quantity(error, 'Ohm')}",
-            f"{100.0 * (R / found.at(T) - 1.0):.2g} %",
-        )
-        for record, T, R, error in zip(records, *(x.tolist() for x in found[:3]))
-    )
+    rows = []
+    for record, T, R, error in zip(records, *(x.tolist() for x in found[:3])):
+        measured = f"{quantity(R, 'Ohm')} +- {quantity(error, 'Ohm')}"
+        rows.append((record.name, f"{T:.4g} degC", measured, percent(R / found.at(T) - 1.0)))
     return table("Resistance by temperature", ("record", "temperature", "resistance", "off the line"), rows)
 
 

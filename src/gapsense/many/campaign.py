@@ -112,13 +112,10 @@ def refuse_foreign(folder: Path) -> None:
     """Raise an InputError for a folder with something else than a campaign of this version."""
     if is_older(folder):
         raise InputError([f"{older(folder)} Name another folder with `--out`."])
-    if folder.is_dir() and not (folder / FILE).is_file() and any(is_foreign(file) for file in folder.iterdir()):
+    files = [file for file in folder.iterdir() if file.suffix not in (PART, LOCK)] if folder.is_dir() else []
+    is_own = (folder / FILE).is_file() or all(f.name == STUDY or f.name.startswith(DAMAGED) for f in files)
+    if not is_own:
         raise InputError([f"{folder}: it holds something other than a campaign. Name another folder with `--out`."])
-
-
-def is_foreign(file: Path) -> bool:
-    """True for what no campaign leaves in its folder."""
-    return file.name != STUDY and not file.name.startswith(DAMAGED) and file.suffix not in (PART, LOCK)
 
 
 def refuse_other(folder: Path, old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> None:

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from pkgutil import resolve_name
@@ -71,7 +71,7 @@ class Cluster:
             raise InputError([f"there is no answer from a Dask scheduler at `{self.address}`: {said}."]) from None
         refuse_others(self.client, self.address)
         self.is_known = True
-        self.client.register_plugin(Site(self.name, pack_setup(self.many)))
+        self.client.register_plugin(Site(self.name, self.many))
         self.thread = Thread(target=self.feed, args=(self.client, pending, answers), daemon=True)
         self.thread.start()
 
@@ -142,8 +142,7 @@ class Feeder:
     def fill(self, pending: Pending) -> None:
         """Send tasks until the queue is long enough."""
         while len(self.flying) < AHEAD * self.threads:
-            numbers = [self.again.popleft()] if self.again else list(islice(pending, self.size()))
-            if not numbers:
+            if not (numbers := [self.again.popleft()] if self.again else [*islice(pending, self.size())]):
                 return
             runs = [(number, self.many.request(number)) for number in numbers]
             future = self.client.submit(perform, self.name, runs, key=f"{self.name}-{uuid4().hex}", pure=False)
@@ -181,21 +180,16 @@ class Feeder:
         return entries
 
 
-def scheme_of(address: str) -> str:
-    """How an address is spoken to; an InputError if it is none, of which a client would be rid after a minute only."""
-    try:
+def check_encryption(address: str) -> Security:
+    """What Dask's own settings say of encryption; an InputError if the address does not go with them, or is none."""
+    try:  # a client would be rid of one that is none after a minute only
         scheme, place = parse_address(address)
         get_backend(scheme).get_address_host(place)  # type: ignore[no-untyped-call]
     except (ValueError, OSError) as error:
         problem = f"`{address}` is not an address of a Dask scheduler ({error}). Give one such as `tcp://HOST:8786`."
         raise InputError([problem]) from None
-    return str(scheme)
-
-
-def check_encryption(address: str) -> Security:
-    """What Dask's own settings say of encryption; an InputError if the address does not go with them."""
     security = Security()  # type: ignore[no-untyped-call]
-    if scheme_of(address) not in ENCRYPTED:
+    if scheme not in ENCRYPTED:
         if security.require_encryption:
             raise InputError([f"`{address}` is not encrypted, but Dask's settings demand it. Give one with `tls://`."])
         return security
@@ -237,16 +231,6 @@ def describe_difference(own: tuple[str, str], other: Any) -> str:
     return "its sources of Gapsense or its version of numpy differ from those here. Install the same."
 
 
-def pack_setup(many: Many) -> Pack:
-    """What every worker gets once; its paths are whole, since workers have another working folder."""
-    scenario, descriptions = many.scenario, many.descriptions
-    whole = tuple(file.resolve() for file in scenario.files)
-    named = (*whole, *(file.resolve() for file in many.files))
-    contents = {str(d.path): d.path.read_bytes() for d in descriptions.values()}
-    contents |= {str(file): file.read_bytes() for file in named}
-    return Pack(replace(many, scenario=replace(scenario, path=scenario.path.resolve(), files=whole)), contents)
-
-
 # The side of a worker: what each worker gets once, and the processes that it keeps.
 
 
@@ -259,28 +243,28 @@ def identity() -> tuple[str, str]:
     return __version__, key("campaign")
 
 
-@dataclass
-class Pack:
-    """What a worker gets once: the runs, and the content of FMUs and files by their paths at the client's."""
-
-    many: Many
-    files: dict[str, bytes]
-    identity: tuple[str, str] = field(default_factory=identity)
-
-
 class Site(WorkerPlugin):
-    """What a worker has of one campaign: a folder with its files, and a process for each of its threads."""
+    """What a worker has of one campaign: a folder with its files, and a process for each of its threads.
 
-    def __init__(self, name: str, pack: Pack) -> None:
-        self.name, self.pack = name, pack
+    The client makes it, with the runs and the content of FMUs and files by their paths. These are whole, since workers
+    have another working folder.
+    """
+
+    def __init__(self, name: str, many: Many) -> None:
+        scenario = many.scenario
+        whole = tuple(file.resolve() for file in scenario.files)
+        self.name, self.identity = name, identity()
+        self.many = replace(many, scenario=replace(scenario, path=scenario.path.resolve(), files=whole))
+        files = (*(d.path for d in many.descriptions.values()), *whole, *(file.resolve() for file in many.files))
+        self.contents = {str(file): file.read_bytes() for file in files}
 
     def setup(self, worker: Any) -> None:
         """Unpack the files."""
-        if identity() != self.pack.identity:
-            raise RuntimeError(f"Gapsense {self.pack.identity[0]} is expected here, another one was found.")
+        if identity() != self.identity:
+            raise RuntimeError(f"Gapsense {self.identity[0]} is expected here, another one was found.")
         self.folder = temporary_folder()
         self.paths: dict[str, str] = {}  # of the client's files, here
-        for k, (path, content) in enumerate(self.pack.files.items()):
+        for k, (path, content) in enumerate(self.contents.items()):
             file = self.folder / str(k) / Path(path).name
             file.parent.mkdir()
             file.write_bytes(content)
@@ -303,7 +287,7 @@ class Site(WorkerPlugin):
 
     def make_job(self) -> Job:
         """What the processes do, with the files that are here."""
-        many, here = self.pack.many, self.paths
+        many, here = self.many, self.paths
         components = {n: replace(c, values=located_values(c.values, here)) for n, c in many.scenario.components.items()}
         files = tuple(Path(here[str(file)]) for file in many.scenario.files)
         descriptions = {n: replace(d, path=Path(here[str(d.path)])) for n, d in many.descriptions.items()}

@@ -74,9 +74,7 @@ def executor_of(many: Many, missing: int, workers: int, engine: str, scheduler: 
         return Cluster(scheduler, many, missing), FMU
     job = many.job(workers)
     vectors = vectors_for(Subject(many.scenario, many.descriptions), engine) if missing else None
-    if vectors is None:
-        return Local(job, missing), FMU
-    return VectorExecutor(job, vectors), VECTORS
+    return (VectorExecutor(job, vectors), VECTORS) if vectors else (Local(job, missing), FMU)
 
 
 def processors() -> int:

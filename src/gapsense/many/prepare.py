@@ -342,19 +342,14 @@ def judgeable(study: Study, scenario: Scenario, plan: Plan) -> Scenario:
 
 def own_problems(study: Study, scenario: Scenario) -> list[str]:
     """What does not fit together, whatever the FMUs."""
-    name, problems = study.path.name, []
-    for port, place in study.places.items():
-        if port in scenario.swept:
-            problems.append(f"{name}, {place}: the scenario's `[sweep]` gives `{port}` too. Keep one.")
+    name, twice = study.path.name, [(port, place) for port, place in study.places.items() if port in scenario.swept]
+    problems = [f"{name}, {place}: the scenario's `[sweep]` gives `{port}` too. Keep one." for port, place in twice]
     if not scenario.seeds and study.plan.seeds > 1:
         problems.append(
             f"{name}, seeds: {study.plan.seeds} runs of each point would be the same. Add `[seeds]` to the scenario."
         )
-    for metric in scenario.metrics:
-        if metric.name in OWN:
-            problems.append(
-                f"{scenario.path.name}, metrics.{metric.name}: a result has a column of that name. Rename it."
-            )
+    for taken in (metric.name for metric in scenario.metrics if metric.name in OWN):
+        problems.append(f"{scenario.path.name}, metrics.{taken}: a result has a column of that name. Rename it.")
     if not scenario.metrics and not study.signals:
         problems.append(
             f"{name}: nothing of the runs would be kept. Add `[metrics]` to the scenario or `[trajectories]`."

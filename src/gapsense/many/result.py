@@ -143,8 +143,7 @@ class Campaign:
 
     def trajectory(self, run: int) -> Mapping[str, Vector]:
         """Time [s] and the kept signals of a run; an InputError if there are none."""
-        content = self.store.content(SIGNALS, run)
-        if content is None:
+        if (content := self.store.content(SIGNALS, run)) is None:
             raise InputError([f"{self.folder}: no signals of run {run} were kept. Was it run, with `[trajectories]`?"])
         names = ["time", *self.columns.signals]
         return dict(zip(names, np.frombuffer(content, "<f8").reshape(len(names), -1)))

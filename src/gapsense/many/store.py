@@ -61,7 +61,7 @@ class Store:
     """
 
     def __init__(self, file: Path | None, key: str, is_reader: bool = False) -> None:
-        self.file, self.key, self.is_reader = file, key, is_reader
+        self.file, self.key = file, key
         with tell_errors(file):
             self.connection = reading(file) if is_reader and file else writing(file)
         weakref.finalize(self, self.connection.close)  # which only the collector of garbage would do else
@@ -332,8 +332,7 @@ def last_commit(file: Path) -> int:
 
 def forget_damaged(connection: sqlite3.Connection, file: Path) -> None:
     """Tell and remove runs of which something is damaged or gone; of what is said about them take the good copy."""
-    damaged = [place for (place,) in connection.execute(f"{' UNION '.join(DAMAGED_RUNS)} ORDER BY 1")]
-    if damaged:
+    if damaged := [place for (place,) in connection.execute(f"{' UNION '.join(DAMAGED_RUNS)} ORDER BY 1")]:
         LOG.warning("%s: %s damaged, and computed again.", file, of_runs(damaged))
         remove(connection, damaged)
     for name, other in ((ABOUT, COPY), (COPY, ABOUT)):

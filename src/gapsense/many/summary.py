@@ -53,13 +53,6 @@ class Cloud(NamedTuple):
     counts: Vector
 
 
-class Group(NamedTuple):
-    """Quantiles 5, 50 and 95 % of a metric at one value of a parameter."""
-
-    value: Any
-    quantiles: tuple[float, ...]
-
-
 def spread(campaign: Campaign, name: str) -> Spread:
     """Quantiles of a column of numbers."""
     values = campaign.column(name).astype(np.float64)
@@ -138,11 +131,11 @@ def levels(campaign: Campaign, name: str) -> list[Any] | None:
     return sorted(found, key=lambda value: (str(type(value)), value))
 
 
-def group_metric(campaign: Campaign, factor: str, metric: str, values: Sequence[Any]) -> list[Group]:
-    """Group a metric by the values of a parameter."""
+def group_metric(campaign: Campaign, factor: str, metric: str, values: Sequence[Any]) -> list[tuple[float, ...]]:
+    """Quantiles 5, 50 and 95 % of a metric at each of some values of a parameter."""
     given, numbers = zip(*campaign.arrays(factor, metric))
     code, number = np.concatenate(given), np.concatenate(numbers)
-    return [Group(value, quantiles(number[code == value], LEVELS[1:4])) for value in values]
+    return [quantiles(number[code == value], LEVELS[1:4]) for value in values]
 
 
 def edges(values: Vector) -> Vector:

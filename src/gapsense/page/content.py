@@ -65,7 +65,7 @@ def panels(scenario: Scenario, result: Result) -> Iterator[dict[str, Any]]:
 
     Those that the scenario names come first, then those in which something is compared.
     """
-    shown = Shown(file=Path(), result=result, scenario=scenario, note="", events=())
+    shown = Shown(file=Path(), result=result, scenario=scenario, note="")
     pairs = {pair.signal: pair for pair in run.pairs(shown)}
     axes = figures.make_time_axis(shown, style.colours(result.run.order), 0)
     for of in sorted(run.panels(shown), key=lambda of: place_of(of, scenario)):

@@ -36,7 +36,6 @@ def write_page(scenario: Source, to: str | Path, variant: str | None = None, fmu
     that the compiler is missing, or fails.
     """
     text, to = page(scenario, variant, fmus), Path(to)
-    to.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(to, lambda file: print(text, end="", file=file))
     return to
 

@@ -6,14 +6,15 @@ No number is in both. Texts about ports come from the same place as in modelDesc
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from gapsense.cosim.run import events as run_events
 from gapsense.cosim.run.events import NEVER, Actor, noise
 from gapsense.cosim.run.part import Layout, Wire, constants, first_exchange, first_turn, player
 from gapsense.cosim.run.recording import Subject, Take, shape
-from gapsense.cosim.scenario.records import Component, Experiment, Port, Threshold, ports, texts
+from gapsense.cosim.scenario.records import Component, Experiment, Port, ports, texts
 from gapsense.fmi.native.headers import literal
 from gapsense.page.module import SYMBOLS, parts
 from gapsense.tables import Value
@@ -51,15 +52,16 @@ def header(subject: Subject) -> str:
     layout, acting = layout_of(subject), actors(subject)
     rows = player(scenario.played, layout.inlets, experiment)
     components = [scenario.components[name] for name in subject.order.names]
-    lines = [wires(subject, layout, component, k) for k, component in enumerate(components)]
+    made, own = zip(*(wires(subject, layout, component, k) for k, component in enumerate(components)))
+    watches = [actor.watch for actor in acting.values() if actor.watch]
     played = [row for k in range(0, experiment.count + 1) for row in at(rows, k)]
     arrays = (
-        *(array for own in lines for array in own.arrays),
+        *chain.from_iterable(own),
         array("int64_t", "columns", subject.columns),
         array("int64_t", "places", [layout.inlets[port] for port in scenario.played]),
         array("double", "played", played),
         array("double", "noise", noises(acting, experiment)),
-        array("Watch", "watches", [condition(actor.watch) for actor in acting.values() if actor.watch]),
+        array("Watch", "watches", [f"{{{w.place}, {int(w.is_above)}, 0, 0, {w.level!r}}}" for w in watches]),
     )
     count, width = shape(scenario, subject.columns)
     return PLAN.format(
@@ -70,7 +72,7 @@ def header(subject: Subject) -> str:
         cells=count * width,
         arrays="\n".join(arrays),
         slots=join_items(slot(subject, component, k) for k, component in enumerate(components)),
-        parts=join_items(own.part for own in lines),
+        parts=join_items(made),
         count=len(components),
         start=experiment.start,
         base_step=experiment.base_step,
@@ -78,7 +80,7 @@ def header(subject: Subject) -> str:
         decimation=scenario.record.decimation,
         columns=width,
         places=len(scenario.played),
-        watches=sum(actor.watch is not None for actor in acting.values()),
+        watches=len(watches),
     )
 
 
@@ -116,15 +118,8 @@ def folder_of(k: int) -> str:
     return f"/{k}"
 
 
-class Wires(NamedTuple):
-    """A component, as loop.c has it, and arrays of its own."""
-
-    part: str
-    arrays: tuple[str, ...]
-
-
-def wires(subject: Subject, layout: Layout, component: Component, k: int) -> Wires:
-    """What the loop has to know of the component of that number, as `structure` in `compiled.py` tells it."""
+def wires(subject: Subject, layout: Layout, component: Component, k: int) -> tuple[str, tuple[str, ...]]:
+    """The component of that number, as `structure` in `compiled.py` tells the loop of it, and arrays of its own."""
     scenario, experiment = subject.scenario, subject.scenario.experiment
     found = layout.wires(scenario.connections, component.name)
     is_fed = bool(found) or any(port.component == component.name for port in scenario.played)
@@ -147,7 +142,7 @@ def wires(subject: Subject, layout: Layout, component: Component, k: int) -> Wir
         steps_at=first_turn(component, 0),
         takes_at=first_exchange(component, 0),
     )
-    return Wires(part, (array("unsigned", f"references_{k}", references), array("Link", f"links_{k}", links)))
+    return part, (array("unsigned", f"references_{k}", references), array("Link", f"links_{k}", links))
 
 
 def exchange(function: str, k: int, first: int, moved: Sequence[Port], layout: Layout) -> str:
@@ -233,11 +228,6 @@ def noisy(actor: Actor, experiment: Experiment) -> range:
         return range(0)
     begin = actor.after if actor.watch else actor.track.begin or 0
     return range(begin, min(actor.track.end or NEVER, experiment.count + 1))
-
-
-def condition(of: Threshold) -> str:
-    """A condition, as loop.c has it."""
-    return f"{{{of.place}, {int(of.is_above)}, 0, 0, {of.level!r}}}"
 
 
 def events(subject: Subject) -> Iterator[dict[str, Any]]:

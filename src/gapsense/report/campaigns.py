@@ -12,7 +12,7 @@ from gapsense.many import summary as of
 from gapsense.many.result import Campaign
 from gapsense.many.summary import Cloud
 from gapsense.problems import InputError, suggest
-from gapsense.report.distributions import Bars, Distributions, Points
+from gapsense.report.distributions import Bars, Distributions
 from gapsense.report.table import add_row, quantity, table
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def figure(campaign: Campaign, metrics: Sequence[str] = (), factors: Sequence[st
                 axis.margins(x=0.05)
                 axis.set_xlabel(make_label(factor, campaign.units.get(factor, "")))
                 continue
-            if isinstance(over, Points):
+            if over is None:
                 axis.plot(campaign.column(factor), campaign.column(metric), ".", color=plot.FIRST, markersize=3)
             else:
                 density(axis, over)

@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
 
-Convergence: TypeAlias = Any  # of `cosim`, and its `Tendency`: they show themselves by what is here, so neither is
-Tendency: TypeAlias = Any  # imported
+Convergence: TypeAlias = Any  # of `cosim`, which shows itself by what is here, and so is not imported
 MOST = 8  # signals in a figure
 LEAST = 1e-12  # of the range: the least error that a figure shows
 
@@ -25,22 +24,14 @@ def tabulate(found: Convergence) -> list[Table | str]:
     title = f"Errors at a base step of {steps[0]}, from {len(steps)} runs down to {steps[-1]}"
     made = table(title, ("signal", "order", "error", "of nominal", "of range", "longest step"))
     for t in errors:
-        cells = (
-            t.signal,
-            order(t),
-            quantity(t.error, t.unit),
-            format_percent(t.of_nominal),
-            format_percent(t.of_range),
-            step(t),
-        )
-        add_row(made, *cells, style="red" if t in found.beyond else None)
-    others = [(t.signal, format_percent(t.changes[-1] / t.range), t.why) for t in found.others]
+        order = "-" if t.order is None else f"{t.order:.2f}"
+        shares = (format_percent(t.of_nominal), format_percent(t.of_range))
+        step = "-" if t.step is None else f"{'>= ' * t.is_least}{quantity(t.step, 's')}"
+        style = "red" if t in found.beyond else None
+        add_row(made, t.signal, order, quantity(t.error, t.unit), *shares, step, style=style)
+    others = [(t.signal, t.why, format_percent(t.changes[-1] / t.range)) for t in found.others]
     parts: list[Table | str] = [made] if errors else []
-    if others:
-        tendencies = table("Signals that do not converge", ("signal", "why", "last change"), texts=2)
-        for name, change, why in others:
-            add_row(tendencies, name, why, change)
-        parts.append(tendencies)
+    parts += [table("Signals that do not converge", ("signal", "why", "last change"), others, 2)] if others else []
     return [*parts, *sentences(found)]
 
 
@@ -48,8 +39,7 @@ def sentences(found: Convergence) -> Iterator[str]:
     """What follows from the tables."""
     judged, allowed = found.judged, format_percent(found.tolerance)
     moved = [t for t in judged if t.at_edges > max(t.error, found.tolerance * t.range)]
-    same = [t.signal for t in found.signals.values() if t in judged and t.is_same and t not in moved]
-    if same:
+    if same := [t.signal for t in found.signals.values() if t in judged and t.is_same and t not in moved]:
         yield f"The same at every step: {listing(same)}."
     if found.held:
         yield f"Sampled, at the same instants in every run: {listing(found.held)}."
@@ -70,16 +60,6 @@ def sentences(found: Convergence) -> Iterator[str]:
     elif found.beyond:
         unknown = [t.signal for t in judged if t.step is None]
         yield f"No step that was tried keeps {allowed} in {listing(unknown)}: give more `--runs`."
-
-
-def order(t: Tendency) -> str:
-    """The observed order, if there is one."""
-    return "-" if t.order is None else f"{t.order:.2f}"
-
-
-def step(t: Tendency) -> str:
-    """The longest step that keeps the tolerance."""
-    return "-" if t.step is None else f"{'>= ' * t.is_least}{quantity(t.step, 's')}"
 
 
 def format_percent(share: float) -> str:

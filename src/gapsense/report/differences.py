@@ -26,19 +26,14 @@ def figure(comparison: Comparison, title: str) -> Figure:
     chosen = (comparison.failing or comparison.within)[:MOST]
     made, axes = panels(title, max(1, len(chosen)), 2, (13.0, 1.2 + 2.0 * max(1, len(chosen))))
     for difference, pair in zip(chosen, axes):
-        for axis, rows in zip(pair, (slice(None), window(difference))):
+        worst = int(np.argmax(difference.counted))
+        for axis, rows in zip(pair, (slice(None), slice(max(0, worst - AROUND), worst + AROUND + 1))):
             draw(axis, difference, rows)
     for axis in axes[-1]:
         axis.set_xlabel("time / ms")
     if chosen:
         legend_below(made)
     return made
-
-
-def window(difference: Difference) -> slice:
-    """Rows around the worst one."""
-    worst = int(np.argmax(difference.counted))
-    return slice(max(0, worst - AROUND), worst + AROUND + 1)
 
 
 def draw(axis: Any, difference: Difference, rows: slice) -> None:

@@ -34,16 +34,6 @@ class Bars(NamedTuple):
         return kept
 
 
-class Points(NamedTuple):
-    """Names of a parameter and of a metric whose runs are drawn one by one."""
-
-    x: str
-    y: str
-
-
-Over = Bars | Points | summary.Cloud
-
-
 class Distributions:
     """Metrics of a campaign, alone and `over` parameters; many runs are counted, in one go through them.
 
@@ -62,13 +52,12 @@ class Distributions:
         """Edges and counts of a histogram."""
         return summary.histogram(self.campaign, metric)
 
-    def over(self, metric: str, factor: str) -> Over:
-        """A metric over a parameter."""
+    def over(self, metric: str, factor: str) -> Bars | summary.Cloud | None:
+        """A metric over a parameter; None where the runs are few enough to be drawn one by one."""
         if (values := self.levels[factor]) is not None:
-            groups = summary.group_metric(self.campaign, factor, metric, values)
-            quantiles = np.array([group.quantiles for group in groups]).reshape(-1, 3)
-            return Bars([name_level(group.value) for group in groups], quantiles, places_of([g.value for g in groups]))
-        return self.clouds[factor, metric] if self.is_counted else Points(factor, metric)
+            quantiles = np.array(summary.group_metric(self.campaign, factor, metric, values)).reshape(-1, 3)
+            return Bars([*map(name_level, values)], quantiles, places_of(values))
+        return self.clouds[factor, metric] if self.is_counted else None
 
 
 def places_of(values: Sequence[Any]) -> Vector:

@@ -86,7 +86,6 @@ def refuse_foreign(file: Path, own: str) -> None:
 def save(figure: Figure, path: Path, source: str = "") -> Path:
     """Write a figure, complete or not at all; the ending of `path` says the format, a PNG tells the file it is of."""
     check_ending(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     about = {"Software": None, **({SOURCE: quote(relative(source, path.parent))} if source else {})}
     options: dict[str, Any] = {"format": path.suffix[1:], "dpi": 120}
     options["metadata"] = about if path.suffix == ".png" else None
@@ -164,8 +163,7 @@ def legend_below(figure: Figure) -> None:
 
 def require_recorded(result: Recorded, names: Iterable[str]) -> None:
     """Refuse to draw a run that does not record these signals; all that are missing are named."""
-    missing = [name for name in names if name not in result.signals]
-    if missing:
+    if missing := [name for name in names if name not in result.signals]:
         raise ValueError(
             f"{result.run.scenario}: its figure needs {', '.join(f'`{m}`' for m in missing)}, not recorded. "
             'Add them to `[record]`, or choose `figure = "overview"`.'
@@ -174,8 +172,7 @@ def require_recorded(result: Recorded, names: Iterable[str]) -> None:
 
 def signals(result: Recorded, patterns: Sequence[str]) -> Figure:
     """The recorded signals that match one of the patterns, by default all, in one panel per unit."""
-    missing = [pattern for pattern in patterns if not matching([pattern], result.signals)]
-    if missing:
+    if missing := [pattern for pattern in patterns if not matching([pattern], result.signals)]:
         raise InputError([f"`{pattern}` was not recorded. {suggest(pattern, result.signals)}" for pattern in missing])
     chosen = matching(patterns or ("*",), result.signals)
     return overview(result, chosen)

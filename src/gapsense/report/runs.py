@@ -81,15 +81,11 @@ def by_value(scenario: Scenario, swept: Sweep, groups: Mapping[tuple[Value, ...]
         shown = made.setdefault(title, table(title, heads, texts=1 + len(swept.grid)))
         unit, column = swept.units.get(metric.name, ""), swept.metrics[metric.name]
         for values, rows in list(groups.items())[:MOST_GROUPS]:
-            given = (cell(value, swept.units.get(name, "")) for name, value in zip(swept.grid, values))
+            pairs = [(value, swept.units.get(name, "")) for name, value in zip(swept.grid, values)]
+            given = (f"{v:.9g} {of}".strip() if is_number(v) else str(v) for v, of in pairs)  # as they were given
             low, median, high = (quantity(float(v), unit) for v in np.quantile(column[rows], (0.05, 0.5, 0.95)))
             add_row(shown, metric.label, *given, str(len(rows)), median, low, high)
     return list(made.values())
-
-
-def cell(value: Value, unit: str) -> str:
-    """A swept value, as it was given."""
-    return f"{value:.9g} {unit}".strip() if is_number(value) else str(value)
 
 
 def format_published(value: float | None, unit: str) -> str:

@@ -29,6 +29,11 @@ def quantity(value: float, unit: str) -> str:
     return f"{value / factor:.4g} {prefix}"
 
 
+def percent(share: float) -> str:
+    """Two digits: `1.2 %`."""
+    return f"{100.0 * share:.2g} %"
+
+
 def choose_prefix(value: float, unit: str) -> tuple[float, str]:
     """Choose the SI prefix that suits a value: its factor, and the unit with it."""
     smallest = PREFIXES[-1] if value else PREFIXES[0]

@@ -6,7 +6,6 @@ import re
 import shutil
 import sys
 from collections.abc import Collection, Mapping
-from functools import cached_property
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element as Xml
@@ -96,10 +95,14 @@ def read_structure(package: Package, problems: list[str], notes: list[str]) -> t
         raise InputError([f"{package.path}: {error}"]) from error
 
 
-def take_fmus(package: Package, components: list[Element], folder: Path, problems: list[str]) -> dict[Place, str]:
-    """Name of the FMU file of each component, which is in the folder of FMUs now."""
+def take_fmus(
+    package: Package, components: list[Element], folder: Path, problems: list[str]
+) -> tuple[dict[Place, str], dict[Place, Description]]:
+    """Put the FMU of each component into the folder of FMUs: its file there, and what it says, if it can be read."""
     files: dict[str, str] = {}
+    wrong: dict[str, str] = {}
     out: dict[Place, str] = {}
+    descriptions: dict[Place, Description] = {}
     for one in components:
         try:
             member = package.member(one.source)
@@ -109,31 +112,20 @@ def take_fmus(package: Package, components: list[Element], folder: Path, problem
         if member not in files:
             files[member] = fresh(f"{PurePosixPath(member).stem}.fmu", set(files.values()))
             package.copy(member, folder / FMUS / files[member])
-        out[one.path] = files[member]
-    return out
+        out[one.path] = f"{FMUS}/{files[member]}"
+        if member not in wrong:
+            try:
+                descriptions[one.path] = describe_fmu(folder / out[one.path])
+            except UnusableError as error:
+                wrong[member] = f"{one.name}, `{sanitise(one.source)}`: it cannot be used: {error}"
+    problems += wrong.values()
+    return out, descriptions
 
 
 def fresh(name: str, taken: set[str]) -> str:
     """A file name that none of the others has, whatever the case of its letters."""
     others, path = {other.lower() for other in taken}, PurePosixPath(name)
     return next(name for name in number_names(path.stem, path.suffix) if name.lower() not in others)
-
-
-def read_descriptions(
-    components: list[Element], fmus: Mapping[Place, str], folder: Path, problems: list[str]
-) -> dict[Place, Description]:
-    """Model descriptions of components, as far as they can be read."""
-    out: dict[Place, Description] = {}
-    wrong: dict[str, str] = {}
-    for one in components:
-        if one.path not in fmus or fmus[one.path] in wrong:
-            continue
-        try:
-            out[one.path] = describe_fmu(folder / FMUS / fmus[one.path])
-        except UnusableError as error:
-            wrong[fmus[one.path]] = f"{one.name}, `{sanitise(one.source)}`: it cannot be used: {error}"
-    problems += wrong.values()
-    return out
 
 
 def take_files(package: Package, data: Mapping[str, Any], folder: Path) -> None:
@@ -170,9 +162,7 @@ class Maker:
     ) -> None:
         self.problems, self.notes = problems, notes
         self.told, self.components = Told(root, problems, notes), [*outer.components()]
-        fmus = take_fmus(package, self.components, folder, problems)
-        self.fmus = {path: f"{FMUS}/{file}" for path, file in fmus.items()}  # as the scenario names them
-        self.descriptions = read_descriptions(self.components, fmus, folder, problems)
+        self.fmus, self.descriptions = take_fmus(package, self.components, folder, problems)
         files = dict.fromkeys(d.path for d in self.descriptions.values())
         shared, other = together(map(units_of, files))
         problems += [f"the unit `{sanitise(name)}` is not the same in two FMUs. Correct one of them." for name in other]
@@ -183,6 +173,8 @@ class Maker:
         reader.read(outer)
         reader.finish()
         self.given, self.wiring = reader.given, Wiring(outer, self.units, problems)
+        every = ((path, v) for path, own in known.items() for v in own.values())
+        self.units_of_variables = {(path, v.name): v.unit or "" for path, v in every}  # as the FMUs state them
         self.names = plain_names([one.path for one in self.components])
         self.connect: dict[str, str] = {}
         self.connections: list[dict[str, Any]] = []
@@ -278,16 +270,9 @@ class Maker:
         value = self.through(way, variable) if way else self.find_value(node, variable.unit or "")
         return None if value == variable.start and not variable.is_settable else value
 
-    @cached_property
-    def units_of_variables(self) -> dict[Node, str]:
-        """Units that the FMUs state."""
-        every = ((path, v) for path, own in self.descriptions.items() for v in own.variables.values())
-        return {(path, v.name): v.unit or "" for path, v in every}
-
     def way(self, node: Node) -> Way | None:
         """Where an input gets its value from."""
-        way = self.wiring.way(node, self.units_of_variables, self.given)
-        if way:
+        if way := self.wiring.way(node, self.units_of_variables, self.given):
             self.reached.add(way.source)
         return way
 
@@ -299,8 +284,7 @@ class Maker:
 
     def find_value(self, node: Node, unit: str) -> Value | None:
         """Find the value that is given to a node, in some unit, or None."""
-        given = self.given.get(node)
-        if given is None:
+        if (given := self.given.get(node)) is None:
             return None
         line: Line | None = Line()
         if given.unit and unit and not given.suppress:
@@ -377,8 +361,7 @@ class Told:
         names = {"FixedStepAlgorithm": "baseStepSize", "FixedStepMaster": "stepSize"}
         for name, key in names.items():
             told = (finite(xml.get(key, "")) for xml in self.root.iter() if xml.tag.rpartition("}")[2] == name)
-            steps = [step for step in told if step is not None and step > 0.0]
-            if steps:
+            if steps := [step for step in told if step is not None and step > 0.0]:
                 return min(steps)
         return None
 
@@ -429,13 +412,6 @@ def name_of(node: Node) -> str:
     return sanitise(".".join((*node[0], node[1])))
 
 
-class Edge(NamedTuple):
-    """Where a connector gets its value from."""
-
-    source: Node
-    link: Link
-
-
 class Way(NamedTuple):
     """Where an input of a component gets its value from, and what becomes of it."""
 
@@ -450,7 +426,7 @@ class Wiring:
         self.units, self.problems = units, problems
         self.connectors: dict[Node, Connector] = {}
         self.components: set[tuple[str, ...]] = set()
-        self.edges: dict[Node, Edge] = {}
+        self.edges: dict[Node, tuple[Node, Link]] = {}  # where a connector gets its value from
         self.add(root)
 
     def add(self, element: Element) -> None:
@@ -481,7 +457,7 @@ class Wiring:
                 source, sink = (one, other) if gives else (other, one)
                 if sink in self.edges:
                     self.problems.append(f"{system.name}, {place}: `{name_of(sink)}` is connected twice. Keep one.")
-                self.edges.setdefault(sink, Edge(source, link))
+                self.edges.setdefault(sink, (source, link))
 
     def end(self, system: Element, element: str, connector: str) -> tuple[Node, bool] | None:
         """An end of a connection, and whether it gives a value; a system's own input gives it to those inside."""
@@ -500,9 +476,9 @@ class Wiring:
         steps: list[tuple[Node, Link]] = []
         node = sink
         while node in self.edges and len(steps) <= len(self.edges):
-            edge = self.edges[node]
-            steps.append((node, edge.link))
-            node = edge.source
+            source, link = self.edges[node]
+            steps.append((node, link))
+            node = source
             if node[0] in self.components:
                 break
         while steps and node not in given and node[0] not in self.components:
@@ -515,8 +491,7 @@ class Wiring:
         for node, link in reversed(steps):
             own = units.get(node) or self.connectors[node].unit
             if unit and own and unit != own and not link.suppress:
-                found = conversion(unit, own, self.units)
-                if found is None:
+                if (found := conversion(unit, own, self.units)) is None:
                     said = f"`{name_of(node)}` is in `{sanitise(own)}`, what it gets is in `{sanitise(unit)}`"
                     self.problems.append(f"{said}, and there is no conversion. Define both units, or correct one.")
                 made = made.then(found or Line())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -31,12 +31,11 @@ Values = list[tuple[Variable, Value]]
 
 @dataclass(frozen=True)
 class Exported:
-    """The files that were written, and what other tools will not see of the scenario, one sentence each."""
+    """A scenario, and what of it has which name in the archive."""
 
     scenario: Scenario
     descriptions: Mapping[str, Description]
     data: Mapping[str, Any]  # for the annotation
-    notes: list[str] = field(default_factory=list)
 
     @cached_property
     def sources(self) -> dict[Path, str]:
@@ -79,11 +78,8 @@ class Exported:
         given |= {port.variable: value for port, value in scenario.inputs.items() if port.component == name}
         first = {p.variable: float(s.values[0]) for p, s in scenario.played.items() if p.component == name}
         given |= {n: value if variables[n].type == "Real" else int(value) for n, value in first.items()}
-        return [(variables[n], self.inside(n, value)) for n, value in given.items()]
-
-    def inside(self, name: str, value: Value) -> Value:
-        """A value, but for a file its name in the archive."""
-        return self.files[Path(str(value)).resolve()] if is_file(name, value) else value
+        files = {n: self.files[Path(str(value)).resolve()] for n, value in given.items() if is_file(n, value)}
+        return [(variables[n], files.get(n, value)) for n, value in given.items()]
 
 
 def export(source: Source, path: Path, variant: str | None = None, fmus: str | Path | None = None) -> list[str]:
@@ -97,15 +93,12 @@ def export(source: Source, path: Path, variant: str | None = None, fmus: str | P
     scenario, descriptions = prepare(source, variant, fmus)
     document = document_of(source, variant)
     made = Exported(scenario, descriptions, carried.collect_tables(scenario, document))
-    problems = [f"{scenario.path.name}, {problem}" for problem in refusals(made)]
-    if problems:
+    if problems := [f"{scenario.path.name}, {problem}" for problem in refusals(made)]:
         raise ScenarioError(problems)
     every = parameter_set(scenario.name, changed_values(made))  # in one set, for tools that read only one
     members = {DESCRIPTION: description(made), VALUES: serialise(every)}
-    wrong = [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]
-    if wrong:
+    if wrong := [*violations(members[DESCRIPTION], "ssd"), *violations(members[VALUES], "ssv")]:
         raise ScenarioError([f"{scenario.path.name}: not valid as SSP 1.0: {line}" for line in wrong])
-    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda file: pack(file.buffer, members, {**made.sources, **made.files}))
     return [*carried.notes(scenario, document.data), *notes(made)]
 
@@ -125,22 +118,17 @@ def refusals(made: Exported) -> Iterator[str]:
 def notes(made: Exported) -> Iterator[str]:
     """One sentence on each thing that some tools do not take."""
     every = [(f"{name}.{v.name}", v) for name in made.descriptions for v in made.connectors(name)]
-    undefined = [name for name, v in every if v.unit and v.unit not in made.units]
-    if undefined:
+    if undefined := [name for name, v in every if v.unit and v.unit not in made.units]:
         yield f"units of {listing(undefined)}: their FMUs do not define them, and they are left out."
-    converted = [str(link.target) for link in made.scenario.connections if link.converts]
-    if converted:
+    if converted := [str(link.target) for link in made.scenario.connections if link.converts]:
         yield f"conversion to {listing(converted)}: it is in the package, but some tools, fmpy among them, ignore it."
     values = [*changed_values(made)]
-    texts = [name for name, v, _ in values if v.type in UNUSUAL]
-    if texts:
+    if texts := [name for name, v, _ in values if v.type in UNUSUAL]:
         yield f"values of {listing(texts)}: `simulate_ssp` of fmpy sets no texts; see docs/ssp.md."
-    switches = [name for name, _, value in values if value is False]
-    if switches:
+    if switches := [name for name, _, value in values if value is False]:
         yield f"values of {listing(switches)}: `simulate_ssp` of fmpy sets true in place of false; see docs/ssp.md."
     names = list(made.scenario.components)
-    confused = [b for a in names for b in names if a != b and b.startswith(a)]
-    if confused:
+    if confused := [b for a in names for b in names if a != b and b.startswith(a)]:
         yield f"values of {listing(confused)}: fmpy confuses components of which one name begins with the other."
     for path in made.files:
         yield f"`{path.name}` is in the package, where only Gapsense finds it on import."
@@ -171,13 +159,11 @@ def add_component(parent: Element, made: Exported, name: str) -> None:
     source = made.sources[made.descriptions[name].path.resolve()]
     about = {"name": name, "type": FMU_TYPE, "source": source, "implementation": "CoSimulation"}
     component = add(parent, "ssd:Component", about)
-    listed = made.connectors(name)
-    if listed:
+    if listed := made.connectors(name):
         connectors = add(component, "ssd:Connectors")
     for variable in listed:
         add_connector(connectors, variable, made.units, f"{name}.{variable.name}")
-    values = [(v.name, v, value) for v, value in made.values(name)]
-    if values:
+    if values := [(v.name, v, value) for v, value in made.values(name)]:
         binding = add(add(component, "ssd:ParameterBindings"), "ssd:ParameterBinding")
         add(binding, "ssd:ParameterValues").append(parameter_set(name, values))
     step = made.scenario.components[name].step * made.scenario.experiment.base_step
@@ -275,8 +261,7 @@ def text_of(value: Value, variable: Variable) -> str:
 
 def add_units(parent: Element, names: Iterable[str], units: Units) -> None:
     """Definitions of the units that are used."""
-    used = sorted({name for name in names if name in units})
-    if used:
+    if used := sorted({name for name in names if name in units}):
         made = add(parent, "ssd:Units")
     for name in used:
         base = units[name]

@@ -14,17 +14,13 @@ from gapsense.ssp.words import FMU_TYPE, TYPES, plain, tag
 Place = tuple[str, ...]  # of an element: names from the outermost system on, without that
 SOURCES, SINKS = ("output", "calculatedParameter"), ("input", "parameter")
 DEEPEST = 50  # levels of systems
-REFUSED = {  # elements that nothing is made of
-    "ssd:SignalDictionaryReference": "a signal dictionary"
-}
+REFUSED = {"ssd:SignalDictionaryReference": "a signal dictionary"}  # elements that nothing is made of
 
 
 class Connector(NamedTuple):
-    """Connector of an element: its kind, and type and unit where they are told."""
+    """Connector of an element: its kind, and its unit where that is told."""
 
-    name: str
     kind: str
-    type: str = ""
     unit: str = ""
 
 
@@ -72,12 +68,11 @@ def read_element(xml: Xml, path: Place, problems: list[str]) -> Element:
         raise UnusableError(f"systems are nested more than {DEEPEST} deep. Connect them at fewer levels.")
     made = Element(path, xml)
     for one in xml.iterfind(f"{tag('ssd:Connectors')}/{tag('ssd:Connector')}"):
-        connector = read_connector(one)
-        made.connectors[connector.name] = connector
-        if connector.kind not in (*SOURCES, *SINKS):
-            problems.append(
-                f"{made.name}: its connector `{sanitise(connector.name)}` is of kind {sanitise(connector.kind)}."
-            )
+        name, kind = one.get("name", ""), one.get("kind", "")
+        typed = next((child for child in one if plain(child.tag).removeprefix("ssc:") in TYPES), None)
+        made.connectors[name] = Connector(kind, "" if typed is None else typed.get("unit", ""))
+        if kind not in (*SOURCES, *SINKS):
+            problems.append(f"{made.name}: its connector `{sanitise(name)}` is of kind {sanitise(kind)}.")
     if xml.tag == tag("ssd:Component"):
         made.source = xml.get("source", "") or "?"
         problems += refused_component(xml, made)
@@ -104,13 +99,6 @@ def refused_component(xml: Xml, made: Element) -> Iterator[str]:
         yield f"{made.name}: its implementation is ModelExchange, CoSimulation expected. Export the FMU as that."
 
 
-def read_connector(xml: Xml) -> Connector:
-    """A connector with its type, which is one of its children."""
-    found = next((child for child in xml if plain(child.tag).removeprefix("ssc:") in TYPES), None)
-    kind = "" if found is None else plain(found.tag).removeprefix("ssc:")
-    return Connector(xml.get("name", ""), xml.get("kind", ""), kind, "" if found is None else found.get("unit", ""))
-
-
 def read_link(xml: Xml) -> Link:
     """A connection; the ends are in no order."""
     ends = tuple((xml.get(f"{end}Element", ""), xml.get(f"{end}Connector", "")) for end in ("start", "end"))
@@ -120,8 +108,7 @@ def read_link(xml: Xml) -> Link:
 
 def read_transformation(xml: Xml) -> tuple[Line, str]:
     """Linear transformation of a connection or of an entry of a mapping, and the name of another one."""
-    found = next((child for child in xml if plain(child.tag).endswith("Transformation")), None)
-    if found is None:
+    if (found := next((child for child in xml if plain(child.tag).endswith("Transformation")), None)) is None:
         return Line(), ""
     if plain(found.tag) != "ssc:LinearTransformation":
         return Line(), plain(found.tag)

@@ -58,8 +58,7 @@ class BindingReader:
 
     def finish(self) -> None:
         """Note what no element has; of a file that several elements share, each takes its own."""
-        left = [place for key, place in self.unused.items() if key not in self.used]
-        self.problems += left
+        self.problems += [place for key, place in self.unused.items() if key not in self.used]
 
     def bind(self, element: Element, xml: Xml) -> None:
         """Values of one binding."""

@@ -73,8 +73,7 @@ def refuse_dangerous(infos: list[zipfile.ZipInfo], packed: int) -> list[str]:
         ratio = f"it unpacks to {content / 1e6:.0f} MB, {content / packed:.0f} times its size"
         raise UnusableError(f"{ratio}; at most {HIGHEST_RATIO} times are unpacked. {UNTRUSTED}")
     for info in infos:
-        problem = member_problem(info)
-        if problem:
+        if problem := member_problem(info):
             raise UnusableError(f"its member `{sanitise(info.orig_filename)}` {problem}. {UNTRUSTED}")
     refuse_collisions(infos)
     return [info.filename for info in infos]

@@ -78,8 +78,7 @@ class OnBoard(Instance):
         self.state_size, self.memory = struct.unpack_from("<2I", about)
         self.unit = about[8:].partition(b"\0")[0].decode()
         self.type = np.dtype(NUMBERS[self.link.size])
-        missing = sorted(set(wanted) - set(self.outputs))
-        if missing:
+        if missing := sorted(set(wanted) - set(self.outputs)):
             raise BoardError(
                 f"has no output `{missing[0]}`, which is connected or recorded. Export it with this output"
             )
@@ -150,8 +149,7 @@ class OnBoard(Instance):
             known = {port.name for port in rules.ports}
             own = {name: value for name, value in given.items() if name in known}
             made |= fields(rules._replace(rising=(), limits=()), own, self.folder)
-        unknown = [name for name in (*self.numbers, *self.fixed) if name not in made]
-        if unknown:
+        if unknown := [name for name in (*self.numbers, *self.fixed) if name not in made]:
             raise BoardError(f"has a parameter `{unknown[0]}`, which the FMU has not. Export its firmware again")
         self.period = float(given.get("sample_time", 0.0))
         numbers, fixed = (b"".join(self.bytes_of(made[n]) for n in names) for names in (self.numbers, self.fixed))

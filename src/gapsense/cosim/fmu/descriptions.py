@@ -11,7 +11,7 @@ import re
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -389,7 +389,8 @@ def open_model(
     except UnusableError:
         raise
     except Exception as error:  # fmpy raises many kinds; each means the file is not a usable FMU
-        why = shorten(" ".join(str(error).split()))
+        why = " ".join(str(error).split()).rstrip(".")
+        why = why if len(why) <= LONGEST else f"{why[:LONGEST]}..."
         raise UnusableError(f"not a readable FMU: {why}. Export it again.") from error
 
 
@@ -446,11 +447,6 @@ def refuse_shared(variables: Iterable[Variable]) -> None:
                 raise UnusableError(f"{found}. Export it again.")
 
 
-def shorten(text: str) -> str:
-    """Cut a long text to its beginning."""
-    return text.rstrip(".") if len(text) <= LONGEST else f"{text[:LONGEST]}..."
-
-
 def feedthrough(model: Any, variables: Mapping[str, Variable]) -> dict[str, frozenset[str]]:
     """Inputs that each output depends on; FMI says that missing `dependencies` mean all inputs."""
     said = {u.variable.name: u.dependencies for u in model.outputs if u.dependencies is not None}
@@ -493,18 +489,12 @@ def refuse_dangling(root: Element) -> None:
     variables = root.find("ModelVariables")
     elements = list(variables) if variables is not None else []
     known = {str(k) for k in range(1, len(elements) + 1)} if is_old else {v.get("valueReference") for v in elements}
-    for place, reference in references(root, "index" if is_old else "valueReference"):
-        if (reference.lstrip("0") or "0") not in known:
-            found = f"its model structure refers to variable {sanitise(reference)} in `{place}`, which it does not have"
-            raise UnusableError(f"{found}. Export it again.")
-
-
-def references(root: Element, key: str) -> Iterator[tuple[str, str]]:
-    """Every reference of the model structure with the element that it stands in."""
     for element in root.iterfind("ModelStructure//*"):
-        for attribute in (key, "dependencies"):
-            for reference in element.get(attribute, "").split():
-                yield element.tag, reference
+        own = element.get("index" if is_old else "valueReference", ""), element.get("dependencies", "")
+        for reference in " ".join(own).split():
+            if (reference.lstrip("0") or "0") not in known:
+                found = f"its model structure refers to variable {sanitise(reference)} in `{element.tag}`"
+                raise UnusableError(f"{found}, which it does not have. Export it again.")
 
 
 # What FMU files say of themselves, kept between processes by the hash of their content: fmpy takes longer to read it,

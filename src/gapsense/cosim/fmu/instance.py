@@ -119,22 +119,7 @@ class Callbacks(ctypes.Structure):
     ]
 
 
-class Loaded(NamedTuple):
-    """An instance in its library, and the functions that the library may call; these live as long as the instance."""
-
-    library: ctypes.CDLL
-    component: int
-    kept: object
-
-    def free(self, function: str) -> None:
-        """Free the instance by a function of the library, then the library."""
-        free, handle = self.library[function], c_void_p(self.library._handle)
-        free.restype = None
-        free(c_void_p(self.component))
-        if sys.platform == "win32":
-            ctypes.windll.kernel32.FreeLibrary(handle)
-        else:
-            ctypes.CDLL(None).dlclose(handle)
+Made = tuple[int, object]  # an instance, and the functions that its library may call, which live as long
 
 
 def load(folder: Path, fmi: int, identifier: str) -> ctypes.CDLL:
@@ -144,17 +129,17 @@ def load(folder: Path, fmi: int, identifier: str) -> ctypes.CDLL:
     return ctypes.CDLL(str(file))
 
 
-def call_instantiate(library: ctypes.CDLL, function: str, kept: object, *arguments: Any) -> Loaded:
+def call_instantiate(library: ctypes.CDLL, function: str, kept: object, *arguments: Any) -> Made:
     """Make an instance by the function of the library that does so; `kept` are its callbacks."""
     make = library[function]
     make.restype = c_void_p
     component = make(*arguments)
     if not component:
         raise OSError(f"{function} returned no instance")
-    return Loaded(library, component, kept)
+    return component, kept
 
 
-def instance_2(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Loaded:
+def instance_2(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Made:
     """An instance of FMI 2.0."""
     standard = ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
     allocate, free = (ctypes.cast(function, c_void_p) for function in (standard.calloc, standard.free))
@@ -163,7 +148,7 @@ def instance_2(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Ca
     return call_instantiate(library, "fmi2Instantiate", callbacks, *texts, ctypes.byref(callbacks), c_int(0), c_int(1))
 
 
-def instance_3(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Loaded:
+def instance_3(library: ctypes.CDLL, name: str, guid: str, folder: Path, log: Callable[..., None]) -> Made:
     """An instance of FMI 3.0, without event mode, early return and intermediate values."""
     logger, no, none = Logger3(log), c_bool(False), c_void_p()
     texts = name.encode(), guid.encode(), os.path.join(folder, "resources", "").encode()  # noqa: PTH118  # ends in `/`
@@ -191,16 +176,16 @@ class Instance:
         self.entries: dict[str, Callable[..., int]] = {}
         try:
             with process_kept():
-                self.loaded = self.instantiate(folder)
+                component, self.kept = self.instantiate(folder)
         except (OSError, AttributeError) as error:  # AttributeError: the library lacks a function
             raise self.error(f"cannot be instantiated: {error}{self.said()}.") from error
-        self.pointer = ctypes.c_void_p(self.loaded.component)
+        self.pointer = ctypes.c_void_p(component)
 
-    def instantiate(self, folder: Path) -> Loaded:
+    def instantiate(self, folder: Path) -> Made:
         """Make the instance in its library, which has what every run needs."""
-        library = load(folder, self.description.fmi, self.description.identifier)
-        self.entries = {name: library[self.entry(name)] for name in self.needed}
-        return self.make(library, self.name, self.description.guid, folder, collector(self.messages, self.escape))
+        self.library = load(folder, self.description.fmi, self.description.identifier)
+        self.entries = {name: self.library[self.entry(name)] for name in self.needed}
+        return self.make(self.library, self.name, self.description.guid, folder, collector(self.messages, self.escape))
 
     @property
     def has_only_reals(self) -> bool:
@@ -216,7 +201,7 @@ class Instance:
         """Raw entry point, to be called with ctypes objects only."""
         if name not in self.entries:
             try:
-                self.entries[name] = self.loaded.library[self.entry(name)]
+                self.entries[name] = self.library[self.entry(name)]
             except AttributeError:
                 raise self.error(f"its library has no function `{self.entry(name)}`. Export it again.") from None
         return self.entries[name]
@@ -398,7 +383,13 @@ class Instance:
                 with suppress(FmuError):
                     self.call("fmi2FreeFMUstate", ctypes.byref(held))
             self.is_dead = True
-            self.loaded.free(self.entry("fmi2FreeInstance"))
+            free, handle = self.library[self.entry("fmi2FreeInstance")], c_void_p(self.library._handle)
+            free.restype = None
+            free(self.pointer)
+            if sys.platform == "win32":
+                ctypes.windll.kernel32.FreeLibrary(handle)
+            else:
+                ctypes.CDLL(None).dlclose(handle)
 
 
 def judge_time(start: float, duration: float, last: float, *, ends: bool, early: bool) -> int:

@@ -230,12 +230,6 @@ def decode_cobs(frame: bytes) -> bytes | None:
     return bytes(made) if at == size else None
 
 
-def pack_message(first: int, component: int, sequence: int, data: bytes) -> bytes:
-    """Put together a message with its sum."""
-    message = HEAD.pack(first, component, sequence, len(data)) + data
-    return message + struct.pack("<I", crc32(message))
-
-
 def unpack_message(message: bytes | None) -> tuple[int, int, bytes] | None:
     """Return what stands first, the sequence and the data; None if the message is damaged."""
     if message is None or len(message) < HEAD.size + 4:
@@ -278,11 +272,11 @@ class Link:
         """The data of the answer; a BoardError if there is none, or if the board refuses."""
         self.sequence, self.is_lost = (self.sequence + 1) & 0xFFFF, True
         self.troubles.clear()
-        message = encode_cobs(pack_message(what, component, self.sequence, data))
+        body = HEAD.pack(what, component, self.sequence, len(data)) + data
+        message = encode_cobs(body + struct.pack("<I", crc32(body)))
         for wait in self.waits:
             self.line.write(message)
-            answer = self.answer(wait)
-            if answer is not None:
+            if (answer := self.answer(wait)) is not None:
                 result, found = answer
                 self.is_lost = False
                 if result != DONE:

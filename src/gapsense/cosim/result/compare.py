@@ -49,8 +49,7 @@ def compare(result: Result, baseline: Baseline) -> Comparison:
         return Comparison((problem,))
     times = columns.pop("time", np.empty(0))
     result = thin_rows(result, baseline)
-    problem = other_times(result, times)
-    if problem:
+    if problem := other_times(result, times):
         return Comparison((problem,))
     names = select_signals(result, baseline)
     found = [compare_rows(result, name, columns[name], baseline) for name in names if name in columns]
@@ -331,7 +330,8 @@ def apart(times: Vector, other: Vector, name: str, other_name: str) -> list[str]
     near = slack(times, other)
     merged = np.sort(np.concatenate((times, other)))
     moments = merged[np.concatenate(([True], np.diff(merged) > near))]
-    counts = [np.bincount(places(moments, grid, near), minlength=moments.size) for grid in (times, other)]
+    places = [np.searchsorted(moments, grid + near, side="right") - 1 for grid in (times, other)]  # among the moments
+    counts = [np.bincount(own, minlength=moments.size) for own in places]
     told = []
     for (mine, theirs), of in ((counts, name), (counts[::-1], other_name)):
         twice = mine > np.maximum(theirs, 1)
@@ -350,11 +350,6 @@ def apart(times: Vector, other: Vector, name: str, other_name: str) -> list[str]
             said = f"{of}: {rows(int(missing.sum()))} missing{beside}, {spans(moments, missing)}"
             told.append(f"{said}. Run again, or compare a part with `--after` and `--before`.")
     return told
-
-
-def places(moments: Vector, times: Vector, near: float) -> npt.NDArray[np.int64]:
-    """Which of the moments each time is."""
-    return np.searchsorted(moments, times + near, side="right") - 1
 
 
 def lost(moments: Vector, own: Rows, full: Rows, near: float) -> Rows:

@@ -186,7 +186,6 @@ class Result:
         leaves two that do not fit, which `read_result` refuses.
         """
         path = Path(path).with_suffix(".csv")
-        path.parent.mkdir(parents=True, exist_ok=True)
         columns, units = {"time": self.times, **self.signals}, {**TIME, **self.units}
         write_with_facts(path, columns, units, lambda digest: self.sidecar(digest, path.parent))
         return path

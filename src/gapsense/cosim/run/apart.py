@@ -103,7 +103,7 @@ class Supervisor:
     def __init__(self, process: Process, plan: Plan, watch: Listeners, interrupts: Callable[[], int]) -> None:
         self.process, self.plan, self.watch, self.interrupts = process, plan, watch, interrupts
         self.folder, self.marks = process.folder, process.marks
-        self.data = share_rows(self.folder / "rows", shape(plan.scenario, plan.take.columns), is_new=True)
+        self.data = make_rows(self.folder / "rows", shape(plan.scenario, plan.take.columns))
         self.order = order_of(plan.scenario, plan.descriptions).names
         (self.folder / "plan").write_bytes(pickle.dumps(plan))
         self.answers: Queue[Answer] = Queue()
@@ -179,17 +179,16 @@ class Supervisor:
         return recording
 
 
-def share_rows(file: Path, size: tuple[int, int], is_new: bool = False) -> npt.NDArray[np.float64]:
-    """Map rows in a file that two processes share; a new one gets all its room at once, or is refused."""
+def make_rows(file: Path, size: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """Map rows in a new file that two processes share; it gets all its room at once, or is refused."""
     octets = max(8, 8 * size[0] * size[1])
-    if is_new:
-        with file.open("wb") as made:
-            if hasattr(os, "posix_fallocate"):
-                try:
-                    os.posix_fallocate(made.fileno(), 0, octets)
-                except OSError as error:
-                    raise OSError(error.errno, f"{error.strerror} for {octets / 1e6:.0f} MB", str(file)) from None
-            made.truncate(octets)
+    with file.open("wb") as made:
+        if hasattr(os, "posix_fallocate"):
+            try:
+                os.posix_fallocate(made.fileno(), 0, octets)
+            except OSError as error:
+                raise OSError(error.errno, f"{error.strerror} for {octets / 1e6:.0f} MB", str(file)) from None
+        made.truncate(octets)
     return map_rows(file, size)
 
 

@@ -49,7 +49,6 @@ class Keeper(NamedTuple):
         text = json.dumps({"format": FORMAT, "run": self.facts, **about}).encode()
         arrays = {"about": np.frombuffer(text, np.uint8), **arrays}
         try:
-            self.file.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(self.file, lambda file: np.savez(file.buffer, **arrays))
         except OSError as error:
             cause = f"the checkpoint `{self.file}` cannot be written: {error.strerror}. Make room for it."

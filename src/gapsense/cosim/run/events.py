@@ -213,7 +213,7 @@ def actors(
             experiment=experiment,
             component=components[event.target.component],
             lead=int(name in places.slots),
-            watch=watch(event, places),
+            watch=Threshold(places.index[when.signal], when.level, when.is_above) if (when := event.when) else None,
             seed=seeds.get(event.seed_name, event.seed),
         )
         for name, event in events.items()
@@ -283,10 +283,12 @@ class Director:
         else:
             next(span for span in reversed(self.happened) if span[0] == name)[2] = m
 
-    def losing(self, component: str) -> list[str]:
-        """Events that are on and give a component NaN."""
-        actors = [a for a in self.actors.values() if a.event.action == "dropout" and a.track.is_on]
-        return [actor.event.name for actor in actors if actor.event.target.component == component]
+    def explain(self, error: FmuError) -> FmuError:
+        """Add to the error of a component the events that give it NaN just then."""
+        on = [a.event for a in self.actors.values() if a.event.action == "dropout" and a.track.is_on]
+        names = [event.name for event in on if event.target.component == error.instance]
+        told = f"Event {listing(names)} gives it NaN. If it does not accept NaN, use `stuck`."
+        return error.adding(told) if names else error
 
     def begin(self, parameters: Mapping[str, Value]) -> None:
         """Take the values that parameters have at the start."""
@@ -312,18 +314,6 @@ class Director:
         for name, tuned in self.tuned.items():
             tuned.last = saved["last"][name]
         self.happened[:], self.limit = saved["happened"], saved["limit"]
-
-
-def explain_error(error: FmuError, events: Sequence[str]) -> FmuError:
-    """Add to the error of a component the events that gave it NaN just then."""
-    told = f"Event {listing(events)} gives it NaN. If it does not accept NaN, use `stuck`."
-    return error.adding(told) if events else error
-
-
-def watch(event: Event, places: Layout) -> Threshold | None:
-    """What the loop is to look at for an event."""
-    when = event.when
-    return None if when is None else Threshold(places.index[when.signal], when.level, when.is_above)
 
 
 class Tuned:

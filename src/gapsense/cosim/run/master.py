@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
 from time import perf_counter, sleep
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ from gapsense._os.processes import Marks
 from gapsense.cosim.fmu.descriptions import Description, Descriptions
 from gapsense.cosim.fmu.instance import ENDS_WITHIN, Instance, folder_kept, instance_of, unpack_fmu
 from gapsense.cosim.fmu.remote import RemoteInstance, RemoteInstance3
-from gapsense.cosim.run.events import Director, explain_error
+from gapsense.cosim.run.events import Director
 from gapsense.cosim.run.iterate import start_loop
 from gapsense.cosim.run.loop.compiled import advancer
 from gapsense.cosim.run.part import Advance, Layout, Part, Texts, Work, constants, place, player
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Progress = Callable[[int, int], None]
 REPORTS = 200  # progress reports per run
+Action = tuple[int, Callable[[int], object]]  # what is done every so many base steps, and at the end
 
 
 class Master:
@@ -205,7 +206,7 @@ class Master:
                 with suppress(FmuError) if part.ended else nullcontext():
                     part.instance.call("fmi2Terminate")
         except FmuError as error:
-            recording.error = explain_error(error, self.director.losing(error.instance))
+            recording.error = self.director.explain(error)
             self.abandon(error.instance)
         except KeyboardInterrupt:  # the second one, in the middle of a step: what was recorded before is good
             recording.interrupted = True
@@ -369,11 +370,11 @@ class Master:
 
     def actions(self, recording: Recording, progress: Progress | None, keeper: Keeper | None) -> list[Action]:
         """What is told and saved during a run, and every how many base steps."""
-        count, actions = self.scenario.experiment.count, []
+        count, actions = self.scenario.experiment.count, list[Action]()
         if progress:
-            actions.append(Action(max(1, count // REPORTS), lambda k: progress(k, count)))
+            actions.append((max(1, count // REPORTS), lambda k: progress(k, count)))
         if keeper:
-            actions.append(Action(keeper.every, lambda k: self.save(keeper, recording, k) if k < count else None))
+            actions.append((keeper.every, lambda k: self.save(keeper, recording, k) if k < count else None))
         return actions
 
 
@@ -411,13 +412,6 @@ def pacer(experiment: Experiment, recording: Recording, done: int) -> Callable[[
     return wait
 
 
-class Action(NamedTuple):
-    """What is done every so many base steps, and at the end."""
-
-    every: int
-    do: Callable[[int], None]
-
-
 def pauses(actions: Sequence[Action], count: int, done: int) -> tuple[int, Callable[[int], int]]:
     """The next base step after which there is something to do, and the function that does it and gives the next one.
 
@@ -425,14 +419,14 @@ def pauses(actions: Sequence[Action], count: int, done: int) -> tuple[int, Calla
     """
 
     def following(k: int) -> list[int]:
-        return [min(count, k - k % action.every + action.every) for action in actions]
+        return [min(count, k - k % every + every) for every, _ in actions]
 
     due = following(done)
 
     def pause(k: int) -> int:
-        for action, when in zip(actions, due):
+        for (_, do), when in zip(actions, due):
             if k >= when:
-                action.do(k)
+                do(k)
         due[:] = following(k)
         return min(due, default=count)
 

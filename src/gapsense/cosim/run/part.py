@@ -364,17 +364,13 @@ class Part:
             failed = take() if take else ""
             if failed:
                 return failed
-            status = do(start)
-            if status and not self.has_stepped(status):
-                return self.check_status(status, STEP)
+            if status := do(start):
+                self.warnings += status == WARNING
+                if status > WARNING and not self.has_ended(status):
+                    return self.check_status(status, STEP)
             return read()
 
         return step
-
-    def has_stepped(self, status: int) -> bool:
-        """True for the status of a step that was done, with a warning or as the last one."""
-        self.warnings += status == WARNING
-        return status <= WARNING or self.has_ended(status)
 
     def has_ended(self, status: int) -> bool:
         """True for the status of the orderly end of the component, which is kept."""

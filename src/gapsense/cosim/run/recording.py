@@ -24,7 +24,6 @@ from gapsense._os.processes import MARKS, Died, Marks
 from gapsense.cosim.fmu.descriptions import Descriptions, reader_version
 from gapsense.cosim.scenario.records import (
     SECTION,
-    Connection,
     Event,
     Order,
     Port,
@@ -255,7 +254,11 @@ class Subject:
             wires=tuple(map(str, scenario.connections)),
             remarks=tuple(on_grid(scenario, self.descriptions)),
             settings=scenario.settings,
-            direct=tuple(str(c) for c in scenario.connections if is_direct(c, self.descriptions)),
+            direct=tuple(  # of which an output of the target depends directly on what they carry
+                str(c)
+                for c in scenario.connections
+                if c.target.variable in self.descriptions[c.target.component].direct_inputs
+            ),
         )
 
     @cached_property
@@ -296,11 +299,6 @@ def order_of(scenario: Scenario, descriptions: Descriptions) -> Order:
     """Order in which the components of a scenario act."""
     method = scenario.experiment.method
     return execution_order(list(scenario.components), scenario.connections, descriptions, method)
-
-
-def is_direct(connection: Connection, descriptions: Descriptions) -> bool:
-    """True if an output of the target depends directly on what the connection carries."""
-    return connection.target.variable in descriptions[connection.target.component].direct_inputs
 
 
 @cache

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import weakref
 from collections.abc import Callable, Mapping, Sequence
@@ -14,6 +13,7 @@ from gapsense._os.files import write_atomically
 from gapsense.cosim.check import check, describe_fmu, find_fmus, prepare
 from gapsense.cosim.fmu.descriptions import Description, find_fmu
 from gapsense.cosim.result.result import Measure, Result
+from gapsense.cosim.result.sidecar import relative
 from gapsense.cosim.run.master import Master, Progress
 from gapsense.cosim.run.run import run, run_once
 from gapsense.cosim.scenario.keys import FILE, key_of
@@ -319,7 +319,6 @@ def write_document(document: Document, path: Path) -> None:
     """Write a scenario file; what it names by a relative path is found from there too."""
     import tomli_w  # here, so that a run that writes no file starts fast
 
-    path.parent.mkdir(parents=True, exist_ok=True)
     data = rebase_tables(document.data, FILE, document.path.parent.resolve(), path.parent.resolve())
     text = tomli_w.dumps(data, multiline_strings="\\r" not in repr(data))  # over several lines TOML drops these
     write_atomically(path, lambda file: print(text, end="", file=file))
@@ -336,16 +335,7 @@ def rebase_tables(tables: Mapping[str, Any], section: Section, old: Path, new: P
         if isinstance(item, list):
             return [value(name, entry) for entry in item]
         is_path = isinstance(item, str) and key and key.is_path and key.is_path(name, item)
-        return rebase_path(item, old, new) if is_path else item
+        is_other = is_path and old != new and not Path(item).is_absolute()
+        return relative(str(old / item), new) if is_other else item
 
     return {name: value(name, item) for name, item in tables.items()}
-
-
-def rebase_path(text: str, old: Path, new: Path) -> str:
-    """Turn a path relative to one folder into one relative to another, where there is a way from there."""
-    if old == new or Path(text).is_absolute():
-        return text
-    try:
-        return Path(os.path.relpath(old / text, new)).as_posix()
-    except ValueError:  # another drive
-        return (old / text).as_posix()

@@ -250,8 +250,7 @@ def changed(source: Source, settings: Sequence[str]) -> Source:
     if not settings:
         return source
     unread: list[str] = []
-    document = read_document(source, unread)
-    if document is None:
+    if (document := read_document(source, unread)) is None:
         raise ScenarioError(unread)
     problems: list[str] = []
     changes = read_settings(settings, "component.parameter", problems)
@@ -335,8 +334,7 @@ def load(source: Source, variant: str | None = None) -> Scenario:
 def read_draft(source: Source, variant: str | None = None) -> Draft:
     """Scenario as far as it can be read, with the problems found."""
     problems: list[str] = []
-    document = read_document(source, problems)
-    if document is None:
+    if (document := read_document(source, problems)) is None:
         return Draft(None, problems)
     laid = document.with_variant(variant, problems)
     reader = ScenarioReader(laid or document, variant if laid else None, problems)
@@ -440,8 +438,7 @@ class ScenarioReader:
         sets = {path: read_parameters(path, table.problems) for path in files}
         inline = table.table("set")
         layers = [(path.name, sets[path]) for path in files]
-        layers.append((inline.where(), located_values(inline, self.path.parent)))
-        layers.append((OVER, self.changes.parameters(name)))
+        layers += [(inline.where(), located_values(inline, self.path.parent)), (OVER, self.changes.parameters(name))]
         given = [(place, name, value) for place, layer in layers for name, value in layer.items()]
         firmware = (self.path.parent / own["firmware"]).resolve() if own["firmware"] else None
         self.files += [firmware] if firmware and firmware.is_file() else []
@@ -564,8 +561,7 @@ def read_signal(table: Table, folder: Path, files: list[Path]) -> Played | None:
         lines, unit, samples = None, "", tuple(np.array(own[key], dtype=np.float64) for key in ("times", "values"))
     else:
         files.append(folder / own["file"])
-        column = read_column(folder / own["file"], own["column"], table)
-        if column is None:
+        if (column := read_column(folder / own["file"], own["column"], table)) is None:
             return None
         lines, unit, samples = column
     return in_order(table, Played(samples[0], samples[1], own["interpolation"], unit), lines)
@@ -714,8 +710,7 @@ def cell_value(sheet: Sheet, i: int, j: int, problems: list[str], files: list[Pa
     text = sheet.rows[i][j].strip()
     if text.lower() in TRUTH:
         return TRUTH[text.lower()]
-    value = finite(text)
-    if value is not None:
+    if (value := finite(text)) is not None:
         return int(text) if WHOLE.fullmatch(text) else value
     if not text or number(text) is not None:
         problems.append(f"{sheet.place(i, j)}: `{text}` found, {SCALAR.name} expected. Correct it.")
@@ -895,8 +890,7 @@ def one_of(table: Table, *keys: str) -> str | None:
 
 def note_actions(table: Table, given: Mapping[str, Any]) -> None:
     """Note a value, a time or a seed that the action needs or does not use."""
-    name = given["action"]
-    if name is None:
+    if (name := given["action"]) is None:
         return
     action = ACTIONS[name]
     if action.value and "value" not in table.data:

@@ -47,7 +47,7 @@ from gapsense.identification.measurements.record import Record
 from gapsense.identification.measurements.signals import ANYWHERE
 from gapsense.identification.residual import EXPLAINED, FLOOR, Residual, rounding
 from gapsense.identification.residual import residual as of_all
-from gapsense.identification.show import Validation, compare
+from gapsense.identification.show import Validation
 from gapsense.identification.valve.model import Trajectory
 from gapsense.kernels.kernel import Kernel
 
@@ -596,4 +596,4 @@ def validate(par: Parameters, record: Record, beyond: Beyond = USUAL) -> Validat
     driven = read_excitation(record, par)
     p = Problem(par, [], [driven], beyond=beyond)
     x = minimise(p, np.zeros(p.deviations.size), LONGEST, ENOUGH).point
-    return compare(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0], beyond), driven.first)
+    return Validation(record, simulate(par, driven, p.places(x)[0], p.offsets(x)[0], beyond), driven.first)

@@ -226,15 +226,10 @@ def remarks(result: Commissioned, before: Parameters) -> list[str]:
     return [*_describe_fit(result), *_describe_search(result, before), *_describe_doubtful(result, before)]
 
 
-def _has_other_knee(result: Commissioned) -> bool:
-    """Whether the knee of the core is another one than usual."""
-    return bool(result.beyond.core_power)
-
-
 def _describe_fit(result: Commissioned) -> list[str]:
     """How well the model explains the records, and with what beside the usual numbers."""
     said = [verdict(r, quantity(r.rms, "A"), quantity(r.limit, "A"), CAUSES) for r in result.residuals]
-    if _has_other_knee(result) or (set(result.names) & {*STOPS, *REBOUND}):
+    if result.beyond.core_power or (set(result.names) & {*STOPS, *REBOUND}):
         said.append(describe_additions(result))
     return said + [
         f"{d.record.name}: the voltage switches with fewer than {SLOWEST:g} samples from edge to edge, so that its mean"
@@ -264,7 +259,7 @@ def _describe_search(result: Commissioned, before: Parameters) -> list[str]:
 
 def _describe_doubtful(result: Commissioned, before: Parameters) -> list[str]:
     """Which parameters end at a limit or far from what was believed, and which the records do not tell."""
-    said, is_other = list[str](), _has_other_knee(result)
+    said, is_other = list[str](), bool(result.beyond.core_power)  # the knee is another one than usual
     for name in (name for name in result.at_limit if name in PORTS):
         port, values = PORTS[name], [float(getattr(par, name)) for par in (result.parameters, before)]
         at, believed = (quantity(value, port.unit) for value in values)

@@ -27,12 +27,12 @@ import scipy
 from gapsense._os.workers import Progress
 from gapsense.identification.coil import kernel as device
 from gapsense.identification.coil.kernel import NO_SATURATION, Outputs, Parameters
-from gapsense.identification.least_squares import differences, finite, long_run, minimise, sample_outputs
+from gapsense.identification.least_squares import differences, finite, long_run, minimise, rms, sample_outputs, square
 from gapsense.identification.measurements.operations import coil, estimate, mean_resistance, operations, starts
 from gapsense.identification.measurements.record import Record, Vector
 from gapsense.identification.measurements.signals import noise, resolution
 from gapsense.identification.residual import FLOOR, REST, Residual, noise_of, residual
-from gapsense.identification.show import Validation, compare
+from gapsense.identification.show import Validation
 from gapsense.identification.valve.model import Trajectory, take_out_causes
 from gapsense.kernels.kernel import Kernel
 
@@ -70,26 +70,18 @@ class Size(NamedTuple):
     flux_linkage: float  # largest [Wb]
 
 
-class Range(NamedTuple):
-    """Where a parameter is sought."""
-
-    start: float
-    low: float
-    high: float
-
-
 @cache
-def ranges(s: Size) -> dict[str, Range]:
-    """Ranges by field: a bend far beyond the flux linkage, or a turnover beyond it, is not seen."""
+def ranges(s: Size) -> dict[str, tuple[float, float, float]]:
+    """Start, low and high by field: a bend far beyond the flux linkage, or a turnover beyond it, is not seen."""
     R, r, lam = s.resistance, 1.0 / s.inductance, s.flux_linkage
     return {
-        "resistance": Range(R, R / 3.0, 3.0 * R),
-        "air": Range(0.8 * r, 0.02 * r, 5.0 * r),
-        "core": Range(0.2 * r, 1e-3 * r, 5.0 * r),
-        "saturation": Range(2.0 * lam, 1.02 * lam, 3.0 * lam),
-        "eddy": Range(0.01 / R, 1e-4 / R, 1.0 / R),
-        "hysteresis": Range(0.02 * s.current, 1e-4 * s.current, 2.0 * s.current),
-        "turnover": Range(0.3 * lam, 0.02 * lam, lam),
+        "resistance": (R, R / 3.0, 3.0 * R),
+        "air": (0.8 * r, 0.02 * r, 5.0 * r),
+        "core": (0.2 * r, 1e-3 * r, 5.0 * r),
+        "saturation": (2.0 * lam, 1.02 * lam, 3.0 * lam),
+        "eddy": (0.01 / R, 1e-4 / R, 1.0 / R),
+        "hysteresis": (0.02 * s.current, 1e-4 * s.current, 2.0 * s.current),
+        "turnover": (0.3 * lam, 0.02 * lam, lam),
     }
 
 
@@ -172,22 +164,25 @@ class Problem:
         return np.full(self.start.size, LENGTH)
 
     @cached_property
+    def ends(self) -> Matrix:
+        """Usual, lowest and highest point."""
+        logs = np.log([ranges(self.size)[name] for name in self.form.names])
+        return np.vstack([logs, np.tile([0.0, -1.0, 1.0], (len(self.offsets), 1))]).T
+
+    @property
     def limits(self) -> tuple[Vector, Vector]:
         """Lowest and highest point."""
-        of_form, ones = [ranges(self.size)[name] for name in self.form.names], np.ones(len(self.offsets))
-        low, high = np.log([[r.low, r.high] for r in of_form]).T
-        return np.append(low, -ones), np.append(high, ones)
+        return self.ends[1], self.ends[2]
 
-    @cached_property
+    @property
     def start(self) -> Vector:
-        """The usual one."""
-        logs = np.log([ranges(self.size)[name].start for name in self.form.names])
-        return np.append(logs, np.zeros(len(self.offsets)))
+        """The usual point."""
+        return np.asarray(self.ends[0])
 
     def parameters(self, point: Vector, run: Run) -> Parameters:
         """The device of a point."""
         none = {"core": 0.0, "saturation": NO_SATURATION, "eddy": 0.0, "hysteresis": 0.0}
-        none["turnover"] = ranges(self.size)["turnover"].start
+        none["turnover"] = ranges(self.size)["turnover"][0]
         found = dict(zip(self.form.names, np.exp(point).tolist()))
         return Parameters(sample_time=run.record.dt, **{**none, **found})
 
@@ -233,12 +228,12 @@ class Fitted(NamedTuple):
     @property
     def power(self) -> float:
         """Sum of the squares of the residuals."""
-        return float(self.residuals @ self.residuals)
+        return square(self.residuals)
 
     @property
     def rms(self) -> float:
         """Of the residuals."""
-        return float(np.sqrt(self.power / self.residuals.size))
+        return rms(self.residuals)
 
     def parts(self) -> list[Vector]:
         """Residuals of each run over its noise."""
@@ -264,17 +259,13 @@ SMALLEST = 1e-12  # residual of a record that the model itself has made
 def best(found: Sequence[Fitted]) -> tuple[int, list[float]]:
     """Which of several forms is taken, and what speaks against each; 0 for the one that is taken."""
     least = min(found, key=lambda m: m.power)
-    sizes = [effective(part) for part in least.parts()]
-    against = [criterion(m, sizes) for m in found]
+    sizes, against = [effective(part) for part in least.parts()], list[float]()
+    for m in found:
+        misfit = sum(n * np.log(max(1.0, float(np.mean(part**2)))) for n, part in zip(sizes, m.parts()))
+        against.append(float(misfit + len(m.problem.form.names) * np.log(sum(sizes))))
     left = [round(m.power / max(least.power, SMALLEST), PERCENT) for m in found]
     chosen = min(range(len(found)), key=lambda k: (round(against[k], DIGITS), left[k]))
     return chosen, [value - against[chosen] for value in against]
-
-
-def criterion(found: Fitted, sizes: Sequence[float]) -> float:
-    """The penalised residual, for so many samples of each run that count."""
-    misfit = sum(n * np.log(max(1.0, float(np.mean(part**2)))) for n, part in zip(sizes, found.parts()))
-    return float(misfit + len(found.problem.form.names) * np.log(sum(sizes)))
 
 
 def effective(r: Vector) -> float:
@@ -290,14 +281,6 @@ CHANCE = 6e-5  # that records disagree by more; for two that is four standard er
 POOR = 0.25  # relative standard error from which a parameter counts as not identified: of losses 10 % is good
 
 
-class Tried(NamedTuple):
-    """One form."""
-
-    form: Form
-    rms: float  # of the residual over the noise
-    against: float  # what speaks against it, beside the one taken
-
-
 class Coil(NamedTuple):
     """What was found, and how well."""
 
@@ -309,7 +292,7 @@ class Coil(NamedTuple):
     offsets: list[tuple[float, float]]  # of voltage [V] and current [A] in each record, which the rest does not show
     models: list[Trajectory]  # from the first operation of each record on; the current as it would be measured
     residuals: list[Residual]
-    tried: list[Tried]
+    tried: list[tuple[Form, float, float]]  # RMS of its residual over the noise, what speaks against it beside this one
     convention: str  # the voltage between samples, see `record.halves`
     records: Sequence[Record]  # with that voltage
     balanced: float | None  # (23), of the voltage as it was read, if its converter may hide an offset [Ohm]
@@ -417,7 +400,7 @@ def _coil(m: Fitted, found: Sequence[Fitted]) -> Coil:
         offsets=offsets,
         models=models,
         residuals=[residual(r.record, model, r.first) for r, model in zip(runs, models)],
-        tried=[Tried(each.problem.form, each.rms, more) for each, more in zip(found, against)],
+        tried=[(each.problem.form, each.rms, more) for each, more in zip(found, against)],
         convention=m.problem.convention,
         records=[r.record for r in runs],
         balanced=balanced,
@@ -445,4 +428,4 @@ def validate_coil(result: Coil, record: Record) -> Validation:
     """The coil beside a record that begins at rest, with what the instruments hid in the records used."""
     first = starts(record)[0]
     voltage, current = np.mean(result.offsets, axis=0).tolist()
-    return compare(record, trajectory(result.parameters, record, first, voltage, current), first)
+    return Validation(record, trajectory(result.parameters, record, first, voltage, current), first)

@@ -14,7 +14,7 @@ from gapsense.identification.measurements.operations import mean_resistance, ope
 from gapsense.identification.parameter_set import Entry, error_note, round_value, write_set
 from gapsense.identification.residual import noises, verdict
 from gapsense.identification.show import TWO_SIDED, Validation, about, validation
-from gapsense.report.table import quantity, table
+from gapsense.report.table import percent, quantity, table
 
 RANGE = 2.0  # times the largest reading: more counts as lost
 CERTAIN = {"resistance": 0.01, "inductance": 0.05}  # deviations that estimators begin with, at least
@@ -110,18 +110,11 @@ def coil_tables(result: Coil, turns: float, checks: Sequence[Validation]) -> lis
 
 def forms(result: Coil) -> Table:
     """All forms that were tried."""
-    rows = (
-        (
-            tried.form.words,
-            str(len(tried.form.names)),
-            f"{tried.rms:.3f}",
-            f"{tried.against:.1f}",
-            "taken" if tried.form is result.form else "",
-        )
-        for tried in result.tried
-    )
-    heads = ("form", "parameters", "residual over noise", "penalised, above the least", "")
-    return table("Forms of a coil without motion", heads, rows)
+    heads, made = ("form", "parameters", "residual over noise", "penalised, above the least", ""), []
+    for form, rms, against in result.tried:
+        taken = "taken" if form is result.form else ""
+        made.append((form.words, str(len(form.names)), f"{rms:.3f}", f"{against:.1f}", taken))
+    return table("Forms of a coil without motion", heads, made)
 
 
 def parameters(result: Coil, turns: float) -> Table:
@@ -138,7 +131,7 @@ def row(name: str, value: float, unit: str, error: float | None) -> tuple[str, .
     if error is None:
         return name, quantity(value, unit), "", "", "held at a limit"
     interval = " to ".join(quantity(value * (1.0 + side * TWO_SIDED * error), unit) for side in (-1.0, 1.0))
-    return name, quantity(value, unit), f"{100.0 * error:.2g} %", interval, "" if error < POOR else "not identified"
+    return name, quantity(value, unit), percent(error), interval, "" if error < POOR else "not identified"
 
 
 def residuals(result: Coil) -> Table:
@@ -174,8 +167,8 @@ def remarks(result: Coil) -> list[str]:
         for name in result.held
     ]
     return said + [
-        f"`{PORTS[name].name}` is not identified: its standard error is {100.0 * result.errors[name]:.2g} %."
-        " Do not rely on it."
+        f"`{PORTS[name].name}` is not identified: its standard error is {percent(result.errors[name])}. Do not rely on"
+        " it."
         for name in result.poor
     ]
 

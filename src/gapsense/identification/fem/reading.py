@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +85,12 @@ class Solved(NamedTuple):
     def place(self, k: int) -> str:
         """Where a point is, as messages name it."""
         return f"line {self.lines[k]}, {quantity(float(self.gap[k]), 'm')}, {quantity(float(self.current[k]), 'A')}"
+
+    def part(self, at: npt.NDArray[Any]) -> Solved:
+        """Some points, or all in another order."""
+        names = ("lines", "gap", "current", "flux_linkage", "force")
+        cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[at] for name in names}
+        return self._replace(**cut)
 
     @property
     def has_one_current(self) -> bool:
@@ -237,16 +243,16 @@ def to_solved(sheet: Sheet, columns: Mapping[str, Vector], given: Given) -> Solv
     turn = np.where(current < 0.0, -1.0, 1.0)  # the field of the opposite current is the opposite one
     link = next(name for name in LINKS if name in columns)
     factors = {"flux_linkage": turn, "inductance": np.abs(current), "flux": turn * given.turns}
-    order = np.lexsort((np.abs(current), gap))
     force = columns.get("force")
-    return Solved(
+    found = Solved(
         file=f"{sheet.path}",
-        lines=np.array(sheet.lines)[order],
-        gap=gap[order],
-        current=np.abs(current)[order],
-        flux_linkage=(given.parts * factors[link] * columns[link])[order],
-        force=None if force is None else (given.parts * (1.0 if given.closed is None else -1.0) * force)[order],
+        lines=np.array(sheet.lines),
+        gap=gap,
+        current=np.abs(current),
+        flux_linkage=given.parts * factors[link] * columns[link],
+        force=None if force is None else given.parts * (1.0 if given.closed is None else -1.0) * force,
     )
+    return found.part(np.lexsort((found.current, gap)))
 
 
 def unusual(found: Solved) -> list[str]:
@@ -324,14 +330,7 @@ def without_repeated(found: Solved, problems: list[str]) -> Solved:
                 )
     kept = ~again & (found.current >= SAME * found.current.max())
     told = [f"{found.file}: {again.sum()} points come twice; one of each is used."] if again.any() else []
-    cut = found._replace(
-        lines=found.lines[kept],
-        gap=found.gap[kept],
-        current=found.current[kept],
-        flux_linkage=found.flux_linkage[kept],
-        force=None if found.force is None else found.force[kept],
-    )
-    return cut._replace(remarks=(*found.remarks, *told))
+    return found.part(kept)._replace(remarks=(*found.remarks, *told))
 
 
 def too_few(found: Solved) -> list[str]:

@@ -45,7 +45,7 @@ from gapsense.identification.scale import find_tuning, process_noise, spans_of, 
 from gapsense.identification.valve.model import Trajectory
 from gapsense.problems import listing
 from gapsense.report.plot import SECOND, TRUE, legend, panels
-from gapsense.report.table import quantity, table
+from gapsense.report.table import percent, quantity, table
 from gapsense.tables import Value
 
 MAP_UNITS = {"gap": "m", "flux_linkage": "Wb", "current": "A"}
@@ -121,13 +121,13 @@ def must_hold(m: Models) -> Table:
             made.append((what, "no neighbours"))
             continue
         k = int(steps.argmin())
-        worst = f"{'rises' if sign * steps[k] > 0.0 else 'falls'} {100.0 * abs(steps[k]):.2g} %"
+        worst = f"{'rises' if sign * steps[k] > 0.0 else 'falls'} {percent(abs(steps[k]))}"
         made.append((what, f"{(steps > 0.0).sum()} of {len(pairs)}", worst, p.place(pairs[k][1])))
     left = None if m.alone is None else left_of(p, m.alone).force
     if left is not None and (share := ratio(m)) is not None:
         k = int(np.abs(left).argmax())
-        found = f"{share[0]:.3f} of it, RMS {100.0 * rms(left):.2g} %"
-        made.append(("force is the slope of energy", found, f"{100.0 * abs(left[k]):.2g} %", p.place(k)))
+        found = f"{share[0]:.3f} of it, RMS {percent(rms(left))}"
+        made.append(("force is the slope of energy", found, percent(abs(left[k])), p.place(k)))
     elif p.force is not None:
         made.append(("force is the slope of energy", "not told by one current"))
     return table("What must hold", ("", "found", "worst", "where"), made, texts=1)
@@ -138,10 +138,8 @@ def left_rows(points: Solved, name: str, left: Left) -> list[tuple[str, ...]]:
     made = []
     for what, x in left._asdict().items():
         if x is not None:
-            k = int(np.abs(x).argmax())
-            sizes = (
-                quantity(v, "A") if what == "current" else f"{100.0 * v:.2g} %" for v in (rms(x), float(abs(x[k])))
-            )
+            k, both = int(np.abs(x).argmax()), (rms(x), float(np.abs(x).max()))
+            sizes = (quantity(v, "A") if what == "current" else percent(v) for v in both)
             made.append((name, "flux linkage" if what == "flux" else what, *sizes, points.place(k)))
     return made
 
@@ -171,8 +169,8 @@ def said(m: Models, left: Left) -> list[str]:
 
 def sizes(left: Left) -> str:
     """RMS of what a model leaves."""
-    force = "" if left.force is None else f", {100.0 * rms(left.force):.2g} % of the force"
-    return f"{100.0 * rms(left.flux):.2g} % of the flux linkage ({quantity(rms(left.current), 'A')}){force}"
+    force = "" if left.force is None else f", {percent(rms(left.force))} of the force"
+    return f"{percent(rms(left.flux))} of the flux linkage ({quantity(rms(left.current), 'A')}){force}"
 
 
 def half_current(m: Models) -> tuple[float, float, float]:

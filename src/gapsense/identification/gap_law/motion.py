@@ -14,6 +14,7 @@ import scipy
 
 from gapsense.actuators.magnetics import MU_0, SATURATED
 from gapsense.identification.gap_law.laws import Law, Matrix, Vector, basis, lowest, not_negative, reluctance, total
+from gapsense.identification.least_squares import square
 
 KNOTS = (2, 3, 4, 6, 8)  # at which slopes are sought
 ENOUGH = 6 + 3  # numbers of a law with six of them
@@ -158,8 +159,3 @@ def _fringing(samples: Measured, turns: float, upper: float, linear: Trial) -> T
 def _saturation(flux_linkage: Vector, lam_sat: float) -> Vector:
     """Reluctance of the core, relative to that without flux."""
     return np.asarray(1.0 / (1.0 - np.minimum(np.abs(flux_linkage) / lam_sat, SATURATED)))
-
-
-def square(x: Vector) -> float:
-    """Sum of squares."""
-    return float(x @ x)

@@ -17,7 +17,7 @@ from gapsense.identification.gap_law.laws import Candidate, Law, Vector, jackkni
 from gapsense.identification.gap_law.table import Inductances, remarks
 from gapsense.identification.parameter_set import GAPS, Entry, round_value, write_set, write_table
 from gapsense.report.plot import SECOND, TRUE, legend, stack
-from gapsense.report.table import quantity, table
+from gapsense.report.table import percent, quantity, table
 from gapsense.tables import Value
 
 
@@ -84,16 +84,10 @@ def gap_law_tables(
 
 def choice(found: Sequence[Candidate], taken: Candidate) -> Table:
     """All laws that were tried."""
-    rows = (
-        (
-            each.law.name,
-            f"{each.size}",
-            f"{100.0 * each.misfit:.2g} %",
-            f"{100.0 * each.foretold:.2g} %",
-            "taken" if each is taken else "",
-        )
-        for each in found
-    )
+    rows = []
+    for each in found:
+        mark = "taken" if each is taken else ""
+        rows.append((each.law.name, f"{each.size}", percent(each.misfit), percent(each.foretold), mark))
     return table("Laws", ("", "numbers", "misfit", "of gaps left out", ""), rows)
 
 
@@ -103,16 +97,10 @@ def law(measured: Inductances, turns: float, taken: Candidate) -> Table:
     L = turns**2 / total(taken.law, h)
     R, slope = reluctance(taken.law, h)
     errors = jackknife(np.array([reluctance(each, h)[1] for each in taken.others]))
-    rows = (
-        (
-            quantity(float(gap), "m"),
-            quantity(float(a), "H"),
-            f"{100.0 * (b / a - 1.0):.2g} %",
-            quantity(float(c), "1/H"),
-            f"{quantity(float(d), '1/(H.m)')} +- {quantity(float(e), '')}",
-        )
-        for gap, a, b, c, d, e in zip(h, measured.inductance, L, R, slope, errors)
-    )
+    rows = []
+    for gap, a, b, c, d, e in zip(*(x.tolist() for x in (h, measured.inductance, L, R, slope, errors))):
+        steep = f"{quantity(d, '1/(H.m)')} +- {quantity(e, '')}"
+        rows.append((quantity(gap, "m"), quantity(a, "H"), percent(b / a - 1.0), quantity(c, "1/H"), steep))
     return table("Gap law", ("gap", "inductance", "of the law", "reluctance of the gap", "slope"), rows, texts=1)
 
 
@@ -128,7 +116,7 @@ def said(turns: float, taken: Candidate) -> list[str]:
     ]
     if taken.foretold > POOR:
         told.append(
-            f"A gap that is left out is predicted to {100.0 * taken.foretold:.2g} % only, and the force is the slope:"
+            f"A gap that is left out is predicted to {percent(taken.foretold)} only, and the force is the slope:"
             " measure at more gaps."
         )
     return told

@@ -211,27 +211,16 @@ def fall(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:
     """Where a rising current begins to fall, and where it rises again: a coil may be held for long after that."""
     for parts in SMOOTHED:
         most = SIGMAS * float(np.sqrt(np.log(parts) / np.log(SMOOTHED[0])))  # more parts have larger extremes
-        if found := _fall(i, most * sigma, least, max(1, round(i.size / parts))):
-            return found
+        width = max(1, round(i.size / parts))
+        smooth = average(i, width)
+        falls = np.flatnonzero(np.maximum.accumulate(smooth) - smooth > most * sigma / np.sqrt(width) + least)
+        if falls.size:
+            begin, after = int(np.argmax(smooth[: falls[0] + 1])), smooth[falls[0] :]
+            rises = np.flatnonzero(np.minimum.accumulate(after) < after - least)
+            last = int(falls[0]) + (int(rises[0]) if rises.size else after.size - 1) + width
+            fine = max(1, (last - begin) // FINER)
+            return begin + width // 2, begin + int(np.argmin(average(i[begin:last], fine))) + fine // 2
     return None
-
-
-def _fall(i: Vector, chance: float, least: float, width: int) -> tuple[int, int] | None:
-    """The same of a current averaged over so many samples."""
-    smooth = average(i, width)
-    top = np.maximum.accumulate(smooth)
-    falls = np.flatnonzero(top - smooth > chance / np.sqrt(width) + least)
-    if not falls.size:
-        return None
-    begin = int(np.argmax(smooth[: falls[0] + 1]))
-    rises = np.flatnonzero(np.minimum.accumulate(smooth[falls[0] :]) < smooth[falls[0] :] - least)
-    last = int(falls[0]) + (int(rises[0]) if rises.size else smooth.size - 1 - int(falls[0])) + width
-    return begin + width // 2, lowest(i, begin, last, max(1, (last - begin) // FINER))
-
-
-def lowest(i: Vector, begin: int, end: int, width: int) -> int:
-    """Where the current, averaged over fewer samples, is lowest between two of them."""
-    return begin + int(np.argmin(average(i[begin:end], width))) + width // 2
 
 
 def bulge(i: Vector, sigma: float, least: float) -> tuple[int, int] | None:

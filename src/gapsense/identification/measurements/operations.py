@@ -64,11 +64,6 @@ def coarse(x: Vector) -> float:
     return float(np.sqrt(np.mean(np.minimum(works, 2.0 * step) ** 2) / 6.0))
 
 
-def is_noise(x: Vector) -> bool:
-    """Whether a signal is white noise, however coarse: neighbouring samples differ as much as all samples do."""
-    return bool(x.size > 2 and np.std(np.diff(x, 2)) / np.sqrt(6.0) > WHITE * np.sqrt(np.mean(x**2)) > 0.0)
-
-
 def drift(record: Record) -> float:
     """How far the level of the current at rest moves from operation to operation, beyond chance [A].
 
@@ -104,23 +99,19 @@ def at_rest(record: Record) -> int:
 
 def activities(record: Record) -> list[tuple[int, int]]:
     """First sample of each stretch in which current flows, and the first one after it."""
-    i = record.current
-    if is_noise(i):
+    i = record.current  # however coarse, it is noise where neighbouring samples differ as much as all samples do
+    if i.size > 2 and np.std(np.diff(i, 2)) / np.sqrt(6.0) > WHITE * np.sqrt(np.mean(i**2)) > 0.0:
         return []
     rest = float(np.median(i[: max(1, at_rest(record))]))
     runs = [run for run in true_runs(np.abs(i - rest) > leaves(i, "current")) if run[1] - run[0] >= FEW]
     pause = PAUSE * max((end - begin for begin, end in runs), default=0)
     v, limit, joined = record.voltage, leaves(record.voltage, "voltage"), list[tuple[int, int]]()
     for begin, end in runs:
-        if joined and (begin - joined[-1][1] < pause or _is_moved(v, limit, joined[-1][1], begin, end)):
-            begin = joined.pop()[0]
-        joined.append((begin, end))
+        ended = joined[-1][1] if joined else 0
+        # If the voltage stays at rest until the next activity ends, this is due to a mover that goes back.
+        is_one = begin - ended < pause or np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= limit)
+        joined.append((joined.pop()[0] if joined and is_one else begin, end))
     return joined
-
-
-def _is_moved(v: Vector, limit: float, ended: int, begin: int, end: int) -> bool:
-    """Whether the voltage stays at rest until the next activity ends, which is then due to a mover that goes back."""
-    return bool(np.all(np.abs(v[ended:end] - np.median(v[ended:begin])) <= limit))
 
 
 def starts(record: Record) -> list[int]:

@@ -32,7 +32,8 @@ def subtract_offsets(record: Record) -> Record:
     found = {name: (x, offset(x, n)) for name, x in record.signals.items()}
     if any(abs(o.value) > MOST_OFFSET * np.abs(x).max() for x, o in found.values()) or flows(record, n):
         return record
-    told = {name: o for name, (x, o) in found.items() if abs(o.value) > _chance(x, n, o)}
+    chance = {name: SIGNIFICANT * o.error if np.ptp(x[:n]) else HALF * resolution(x) for name, (x, o) in found.items()}
+    told = {name: o for name, (_, o) in found.items() if abs(o.value) > chance[name]}
     v, i = (told[name].value if name in told else 0.0 for name in ("voltage", "current"))
     return record._replace(
         voltage=record.voltage - v, current=record.current - i, halves=record.halves - v, offsets=told
@@ -51,11 +52,6 @@ def offset(x: Vector, n: int) -> Offset:
     """Mean of the first `n` samples, and its standard error: that of equal samples is what the converter hides."""
     lost = 0.0 if np.ptp(x[:n]) else hidden(x)
     return Offset(float(x[:n].mean()), float(max(x[:n].std() / np.sqrt(n), noise(x) / np.sqrt(n), lost)))
-
-
-def _chance(x: Vector, n: int, found: Offset) -> float:
-    """The largest offset that may be none."""
-    return SIGNIFICANT * found.error if np.ptp(x[:n]) else HALF * resolution(x)
 
 
 def remaining(record: Record) -> dict[str, float]:
@@ -119,7 +115,11 @@ MOST_SAMPLES = 60_000  # samples to which others than whole operations are cut
 def thin(record: Record) -> Record:
     """The record, if it is long with as many samples as a fit needs; a remark says so."""
     n = record.times.size
-    size = min(_rise(record) // RISE, n // (LONG // 4)) if n > LONG else 1
+    i, size = np.abs(record.current), 1
+    if n > LONG:  # the current rises to half of its peak within so many samples, where it does so fastest
+        flows = [i[begin:end] for begin, end in activities(record)]
+        rises = [int(np.argmax(x > 0.5 * x.max())) for x in flows if x.max() > SOUND * i.max()]
+        size = min(min(rises, default=i.size) // RISE, n // (LONG // 4))
     if size < 2:
         return record
     made = average_blocks(record, size)
@@ -141,14 +141,6 @@ def shorten(record: Record, period: float | None = None) -> Record:
         return record
     said = f"the first {len(kept)} of {len(found)} operations are used: all of them would take long and add little."
     return part(record, slice(0, kept[-1].stop + 1))._replace(remarks=(*record.remarks, said))
-
-
-def _rise(record: Record) -> int:
-    """Samples in which the current rises to half of its peak, where it does so fastest."""
-    i = np.abs(record.current)
-    flows = [i[begin:end] for begin, end in activities(record)]
-    rises = [int(np.argmax(x > 0.5 * x.max())) for x in flows if x.max() > SOUND * i.max()]
-    return max(1, min(rises, default=i.size))
 
 
 def average_blocks(record: Record, size: int) -> Record:

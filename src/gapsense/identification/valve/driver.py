@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gapsense._os.files import finite
 from gapsense.identification.assumptions import SCALES
 from gapsense.identification.causes import ANYWHERE, is_place
 from gapsense.identification.measurements.record import Record, Vector
@@ -58,17 +59,19 @@ UNKNOWN = Driver()
 
 def read_driver(driver: str | None, accuracy: str | None = None) -> Driver:
     """From the values of `--driver`, as `series=2,drop=0.8`, and `--accuracy`; a ValueError tells what is wrong."""
-    texts = {name: text for part in _parts(driver) for name, text in _parse_part(part, TAKEN, "--driver").items()}
+    texts, scales = dict[str, str](), dict[str, str]()
+    for part in split_names([driver or ""]):
+        texts |= _parse_part(part, TAKEN, "--driver")
+    for part in split_names([accuracy or ""]):
+        scales |= _parse_part(part, PERCENT, "--accuracy")
     values = {name: float(text) for name, text in texts.items() if text != FIT}
-    scales = {
-        name: text for part in _parts(accuracy) for name, text in _parse_part(part, PERCENT, "--accuracy").items()
-    }
     errors = {name: 0.01 * float(text) for name, text in scales.items()}
     return Driver(values, tuple(name for name in TAKEN if texts.get(name) == FIT), errors)
 
 
-def _parts(text: str | None) -> list[str]:
-    return [part.strip() for part in (text or "").split(",") if part.strip()]
+def split_names(texts: Sequence[str]) -> list[str]:
+    """Names with commas between."""
+    return [name.strip() for text in texts for name in text.split(",") if name.strip()]
 
 
 def _parse_part(part: str, units: Mapping[str, str], option: str) -> dict[str, str]:
@@ -76,19 +79,13 @@ def _parse_part(part: str, units: Mapping[str, str], option: str) -> dict[str, s
     if part == FIT and units is TAKEN:
         return {"series": FIT, "drop": FIT}
     name, _, value = part.partition("=")
-    signed = name == "delay"  # either of the two channels may be the later one
-    if name in units and ((value == FIT and units is TAKEN) or (_is_number(value) and (signed or float(value) >= 0.0))):
+    least = -np.inf if name == "delay" else 0.0  # either of the two channels may be the later one
+    size = finite(value)
+    if name in units and ((value == FIT and units is TAKEN) or (size is not None and size >= least)):
         return {name: value}
     wanted = ",".join(f"{n}={unit}" for n, unit in units.items())
     more = ", each a number or `fit`; or `fit` alone" if units is TAKEN else ", in percent, none negative"
     raise ValueError(f"{option}: `{part}` found, some of `{wanted}`{more}, expected.")
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return bool(np.isfinite(float(text)))
-    except ValueError:
-        return False
 
 
 def driver_notes(values: Mapping[str, float]) -> list[str]:
@@ -113,22 +110,15 @@ def doubt_resistance(resistance: float, believed: float | None, error: float | N
     ]
 
 
-class Settled(NamedTuple):
-    """A minimum in parameters and causes."""
-
-    ratios: Vector
-    prepared: Prepared
-
-
-def settle(fit: Fit, ratios: Vector, prepared: Prepared, names: Sequence[str]) -> Settled:
-    """The minimum for the first operations, next to a point at which the parameters fit best."""
+def settle(fit: Fit, ratios: Vector, prepared: Prepared, names: Sequence[str]) -> tuple[Vector, Prepared]:
+    """The minimum for the first operations in parameters and causes, next to where the parameters fit best."""
     for _ in range(ROUNDS if names else 0):
         step = correction(fit, ratios, [first.experiment for first in prepared.firsts], names, prepared.places)
         prepared = prepared.move_causes(step.causes)
         ratios = fit.least_squares(step.ratios, [first.experiment for first in prepared.firsts])
         if step.is_small:
             break
-    return Settled(ratios, prepared)
+    return ratios, prepared
 
 
 class Step(NamedTuple):

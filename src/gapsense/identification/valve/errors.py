@@ -22,9 +22,9 @@ the motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -42,20 +42,28 @@ from gapsense.identification.causes import (
     is_place,
     of_record,
 )
-from gapsense.identification.least_squares import Matrix, Vector, differences, independent, long_run, rms
+from gapsense.identification.least_squares import (
+    Matrix,
+    Vector,
+    differences,
+    independent,
+    long_run,
+    minimise,
+    rms,
+    square,
+)
 from gapsense.identification.measurements.operations import Operation, trapezoid
 from gapsense.identification.measurements.prepare import hidden_level, remaining
 from gapsense.identification.measurements.record import seen_ends
 from gapsense.identification.residual import Residual
 from gapsense.identification.valve.form import FACTOR, FILTER, SHAPE, Device, Form, multiply, replace_values, value_of
-from gapsense.identification.valve.minimise import Fit, Weighted
+from gapsense.identification.valve.minimise import EXACT, LONGEST, Weighted
 from gapsense.identification.valve.model import (
     Experiment,
     Prepared,
     Response,
     balance,
     charge,
-    cost,
     mean_resistance,
     part,
     pooled_resistance,
@@ -71,13 +79,6 @@ TINY = 1e-300
 REACH = (1e-5, 0.1)  # least and most of how far a derivative is taken to each side
 
 
-class Slopes(NamedTuple):
-    """By the values of causes, each relative to its scale."""
-
-    residuals: Matrix  # (residuals, causes)
-    resistance: Vector  # of its logarithm (causes,)
-
-
 class Linear(NamedTuple):
     """By what is fitted, parameters and then causes, and by the causes that are not."""
 
@@ -86,19 +87,19 @@ class Linear(NamedTuple):
     believed: Matrix  # likewise, from the believed places of edges, in their deviations (fitted, fitted)
     feedback: Matrix  # what becomes of that by `balance` (fitted, fitted)
     resistance: Vector  # slopes of its logarithm (fitted,)
-    others: Slopes  # by the causes that are not fitted
+    others: Matrix  # slopes of the residuals by the causes that are not fitted (residuals, causes)
+    of_others: Vector  # slopes of the logarithm of the resistance by these (causes,)
 
     @property
     def moved(self) -> Matrix:
         """What each of these causes changes: in what is fitted, and in the resistance (fitted and one, causes)."""
-        moved = -self.feedback @ (self.inverse @ self.others.residuals)
-        return np.asarray(np.vstack([moved, self.others.resistance + self.resistance @ moved]))
+        moved = -self.feedback @ (self.inverse @ self.others)
+        return np.asarray(np.vstack([moved, self.of_others + self.resistance @ moved]))
 
     @property
     def left(self) -> Matrix:
         """What they change beside what is fitted (residuals, causes)."""
-        B = self.others.residuals
-        return np.asarray(B - self.fitted @ (self.inverse @ B))
+        return np.asarray(self.others - self.fitted @ (self.inverse @ self.others))
 
     @property
     def rows(self) -> Matrix:
@@ -122,11 +123,11 @@ def linearise(
     is_wide: bool = False,
 ) -> Linear:
     """The residuals near `ratios`, or as far around as noise leads; `fitted` and `others` are names of causes."""
-    found = slopes(form, ratios, experiments, [*fitted, *others])
+    columns, logarithms = slopes(form, ratios, experiments, [*fitted, *others])
     k, problem = len(fitted), Weighted(form, experiments)
     r = problem.residuals([ratios])[0]
     J = problem.jacobian(ratios, r)
-    J = np.hstack([problem.secants(ratios, reach(J, r)) if is_wide else J, found.residuals[:, :k]])
+    J = np.hstack([problem.secants(ratios, reach(J, r)) if is_wide else J, columns[:, :k]])
     known = np.diag([0.0] * ratios.size + [rms(r) / ANYWHERE * is_place(name) for name in fitted])
     A = np.linalg.pinv(np.vstack([J, known]), rcond=NEGLIGIBLE).astype(np.float64)
     A, believed = A[:, : r.size], A[:, r.size :] @ known * ANYWHERE
@@ -135,13 +136,16 @@ def linearise(
         inverse=A,
         believed=believed,
         feedback=feedback(A, form, ratios, experiments),
-        resistance=np.append(np.zeros(ratios.size), found.resistance[:k]),
-        others=Slopes(found.residuals[:, k:], found.resistance[k:]),
+        resistance=np.append(np.zeros(ratios.size), logarithms[:k]),
+        others=columns[:, k:],
+        of_others=logarithms[k:],
     )
 
 
-def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]) -> Slopes:
-    """How causes change the weighted residuals, and the resistance of (23)."""
+def slopes(
+    form: Form, ratios: Vector, experiments: Sequence[Experiment], names: Sequence[str]
+) -> tuple[Matrix, Vector]:
+    """How causes, relative to their scales, change the weighted residuals, and the logarithm of the resistance."""
     at, sizes = [residuals(form, [ratios], [e])[0] for e in experiments], scales(experiments, names)
     columns, logarithms = np.empty((sum(r.size for r in at), len(names))), np.empty(len(names))
     before = np.log(pooled_resistance(experiments))
@@ -154,7 +158,7 @@ def slopes(form: Form, ratios: Vector, experiments: Sequence[Experiment], names:
         ]
         columns[:, k] = np.concatenate(changes) / small
         logarithms[k] = (np.log(pooled_resistance(others)) - before) / small
-    return Slopes(columns, logarithms)
+    return columns, logarithms
 
 
 def reach(slopes: Matrix, r: Vector) -> Vector:
@@ -251,22 +255,15 @@ def _by_resistance(par: Device, experiment: Experiment, at: Response, operation:
     alone, cut = part(experiment, operation), slice(operation.start, operation.stop + 1)
 
     def simulate_change(factor: float) -> Vector:
-        R = experiment.resistance.copy()
+        R, whole = experiment.resistance.copy(), [None if x is None else x.copy() for x in at]
         R[operation.inside] *= factor
         (found,) = simulate_batch([par], alone._replace(resistance=R[cut]))
-        whole = Response(*(_splice(a, b, cut) for a, b in zip(at, found)))
-        return weight(with_resistance(experiment, R), whole)
+        for samples, piece in zip(whole, found):
+            if samples is not None:
+                samples[cut] = piece
+        return weight(with_resistance(experiment, R), Response(*whole))  # type: ignore[arg-type]
 
     return differences(lambda points: np.array([simulate_change(1.0 + float(x[0])) for x in points]), np.zeros(1))[:, 0]
-
-
-def _splice(whole: Vector | None, piece: Vector | None, at: slice) -> Any:
-    """The samples, with a piece in its place."""
-    if whole is None:
-        return None
-    made = whole.copy()
-    made[at] = piece
-    return made
 
 
 LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # of correlation, in samples
@@ -301,7 +298,11 @@ def spread(W: Matrix, size: float) -> Matrix:
 
     The correlation falls exponentially.  The covariances of all lengths together tell which sums go together.
     """
-    return size**2 * largest([_correlate(W, length) for length in LENGTHS])
+    parts = list[Matrix]()
+    for length in LENGTHS:  # sum of W[:, k] W[:, j] exp(-|k - j| / length) over all k and j
+        before = W @ scipy.signal.lfilter([1.0], [1.0, -np.exp(-1.0 / length)], W, axis=1).T
+        parts.append(before + before.T - W @ W.T)
+    return size**2 * largest(parts)
 
 
 def largest(parts: Sequence[Matrix]) -> Matrix:
@@ -317,12 +318,6 @@ def shares_of(at: Linear, residuals: Vector, sizes: Mapping[str, float], errors:
     parts = (values**2 * (at.left**2).sum(axis=0) / total).tolist()
     found = zip(sizes.items(), values.tolist(), errors.tolist(), parts)
     return {name: Share(size * x, size * error, part) for (name, size), x, error, part in found if name in CAUSES}
-
-
-def _correlate(W: Matrix, length: float) -> Matrix:
-    """Sum of W[:, k] W[:, j] exp(-|k - j| / length) over all k and j."""
-    before = W @ scipy.signal.lfilter([1.0], [1.0, -np.exp(-1.0 / length)], W, axis=1).T
-    return np.asarray(before + before.T - W @ W.T)
 
 
 WITHIN = 0.5  # of the growth of the resistance from operation to operation: how well that within one is known
@@ -379,9 +374,12 @@ def uncertainty(
     edges = at.feedback @ at.believed
     edges = np.vstack([edges, at.resistance @ edges])  # what the records do not tell of their places
     cov = cov[np.ix_(own, own)] + _beyond_noise(parts, moved, shares, doubts) + edges @ edges.T
-    for other in with_other_filters(experiments):
-        shift = -at.feedback @ (at.inverse @ (residuals(form, [ratios], other)[0] - r))
-        cov = cov + np.outer(shift := np.append(shift, at.resistance @ shift), shift)
+    for k, e in enumerate(experiments):
+        for low_pass in e.filtered.others if e.filtered else ():  # one standard error off
+            changed = e._replace(filtered=e.filtered and e.filtered._replace(low_pass=low_pass))
+            other = residuals(form, [ratios], [*experiments[:k], changed, *experiments[k + 1 :]])[0]
+            shift = -at.feedback @ (at.inverse @ (other - r))
+            cov = cov + np.outer(shift := np.append(shift, at.resistance @ shift), shift)
     if "delay" in fitted:  # the steps of the model delay too, which adds to everything correlated with it
         k = ratios.size + fitted.index("delay")
         shift = STEPPED * cov[:, k] / cov[k, k]
@@ -417,14 +415,6 @@ def _report(
         causes={name: float(s * sizes[name]) for name, s in zip(causes, std[count + 1 :])},
         shares=shares,
     )
-
-
-def with_other_filters(experiments: Sequence[Experiment]) -> Iterator[list[Experiment]]:
-    """The experiments with the low-pass of one of them one standard error off."""
-    for k, e in enumerate(experiments):
-        for other in e.filtered.others if e.filtered else ():
-            changed = e._replace(filtered=e.filtered and e.filtered._replace(low_pass=other))
-            yield [*experiments[:k], changed, *experiments[k + 1 :]]
 
 
 def select_reported(form: Form, causes: Collection[str] = ()) -> Matrix:
@@ -507,14 +497,6 @@ GOES_WITH: Mapping[str, Mapping[str, float]] = {  # powers by which fitted value
 }
 
 
-class Ended(NamedTuple):
-    """Where the fit ended."""
-
-    form: Form
-    ratios: Vector
-    experiments: list[Experiment]
-
-
 def shift(known: Device, name: str, by: float, tied: Collection[str] = ()) -> Device:
     """The device with another value: e^by times as large, or by that part; `tied` fields go with the stroke."""
     lower, upper = float(value_of(known, "stop_lower")), float(value_of(known, "stop_upper"))
@@ -531,29 +513,45 @@ def shift(known: Device, name: str, by: float, tied: Collection[str] = ()) -> De
     return replace_values(known, **old, initial_position=stops.get(start, start))
 
 
-def add_doubts(at: Ended, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()) -> Uncertainty:
-    """The uncertainty with what doubts about held fields add, each by itself; see `shift`."""
-    effects = [
-        largest([np.outer(x, x) for x in move_by_doubt(at, name, doubt, tied)]) for name, doubt in doubts.items()
-    ]
-    if not effects:
+def add_doubts(
+    p: Weighted, ratios: Vector, found: Uncertainty, doubts: Mapping[str, float], tied: Collection[str] = ()
+) -> Uncertainty:
+    """The uncertainty at a minimum with what doubts about held fields add, each by itself; see `shift`."""
+    if not doubts:
         return found
-    added, names = sum(effects[1:], effects[0]), list(at.form.fitted)
-    T = select_reported(at.form, found.causes)[:, : len(names)]
-    return widen(found, T @ added @ T.T, {name: float(added[k, k]) for k, name in enumerate(names)})
+    moves = [move_by_doubt(p, ratios, name, doubt, tied) for name, doubt in doubts.items()]
+    added: Matrix = np.sum([largest([np.outer(x, x) for x in sides]) for sides in moves], axis=0)
+    T = select_reported(p.form, found.causes)[:, : ratios.size]
+    return widen(found, T @ added @ T.T, {name: float(added[k, k]) for k, name in enumerate(p.form.fitted)})
 
 
-def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
+def move_by_doubt(p: Weighted, ratios: Vector, name: str, doubt: float, tied: Collection[str]) -> list[Vector]:
     """What becomes of the logarithms of what is fitted, if a held value is off to either side."""
-    form, one_sided = at.form, bool(scale(name.replace("_", ".")).parts)  # which may be 0, and not less
+    form, one_sided = p.form, bool(scale(name.replace("_", ".")).parts)  # which may be 0, and not less
 
-    def change(by: float) -> Device:
-        return shift(form.known, name, by, tied)
+    def change(by: float) -> Form:
+        return form._replace(known=shift(form.known, name, by, tied))
 
     def residuals(by: float) -> Vector:
-        return np.asarray(Weighted(form._replace(known=change(by)), at.experiments).residuals([at.ratios])[0])
+        return np.asarray(p._replace(form=change(by)).residuals([ratios])[0])
 
-    J, r = Weighted(form, at.experiments).jacobian(at.ratios), residuals(0.0)
+    def refit(by: float, slopes: Sequence[Vector], before: float) -> Vector:
+        """From where slopes lead; where the records do not allow a change, by a smaller one."""
+        for _ in range(TRIALS):
+            form, ends = change(by), list[tuple[Vector, float]]()
+            for start in (ratios + by * slope for slope in slopes):  # around which the bounds are
+                law = None if form.law is None else form.law_at(start)
+                around = form._replace(known=form.at(start), law=law)
+                end = minimise(p._replace(form=around), around.start, LONGEST, EXACT)
+                ends.append((start + end.point, square(end.residuals)))
+            found, least = min(ends, key=lambda end: end[1])
+            grown = least / max(before, TINY) - 1.0
+            if grown <= ALLOWED:
+                break
+            by *= float(np.clip(0.9 * np.sqrt(ALLOWED / grown), 0.1, 0.9))
+        return np.asarray(found - ratios)
+
+    J, r = p.jacobian(ratios), residuals(0.0)
     step = doubt if one_sided else STEP
     B = (residuals(step) - (r if one_sided else residuals(-step))) / (step if one_sided else 2.0 * step)
     slope = -np.linalg.pinv(J) @ B
@@ -561,34 +559,13 @@ def move_by_doubt(at: Ended, name: str, doubt: float, tied: Collection[str]) -> 
         return [doubt * slope]
     alike = np.array([GOES_WITH.get(name, {}).get(fitted, 0.0) for fitted in form.fitted])
     sides = [min(doubt, bound(B + J @ slope, r))] if one_sided else [-doubt, doubt]
-    return [refit(at, change, by, (slope, alike), cost(r)) for by in sides]
+    return [refit(by, (slope, alike), square(r)) for by in sides]
 
 
 def bound(left: Vector, r: Vector) -> float:
     """How far off a value may be by the residuals, of which a change leaves so much."""
     size = max(float(left @ left), TINY)
-    return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(cost(r) / independent(r) / size))
-
-
-def refit(at: Ended, change: Callable[[float], Device], by: float, slopes: Sequence[Vector], before: float) -> Vector:
-    """The same by fits from where slopes lead; where the records do not allow a change, by a smaller one."""
-    for _ in range(TRIALS):
-        form = at.form._replace(known=change(by))
-        ends = [_end(form, at.ratios + by * slope, at.experiments) for slope in slopes]
-        ratios, least = min(ends, key=lambda end: end[1])
-        grown = least / max(before, TINY) - 1.0
-        if grown <= ALLOWED:
-            break
-        by *= float(np.clip(0.9 * np.sqrt(ALLOWED / grown), 0.1, 0.9))
-    return np.asarray(ratios - at.ratios)
-
-
-def _end(form: Form, start: Vector, experiments: list[Experiment]) -> tuple[Vector, float]:
-    """The minimum next to a start, around which its bounds are, and the cost there."""
-    law = None if form.law is None else form.law_at(start)
-    fit = Fit(form._replace(known=form.at(start), law=law))
-    ratios = fit.least_squares(fit.form.start, experiments)
-    return start + ratios, fit.cost(ratios, experiments)
+    return abs(float(left @ r)) / size + SHOWN * float(np.sqrt(square(r) / independent(r) / size))
 
 
 def widen(found: Uncertainty, added: Matrix, of_shape: Mapping[str, float] = MappingProxyType({})) -> Uncertainty:

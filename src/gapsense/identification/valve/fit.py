@@ -31,7 +31,7 @@ from gapsense.identification.valve.driver import (
     last_taken,
     settle,
 )
-from gapsense.identification.valve.errors import Ended, Uncertainty, add_doubts, doubts, largest, uncertainty, widen
+from gapsense.identification.valve.errors import Uncertainty, add_doubts, doubts, largest, uncertainty, widen
 from gapsense.identification.valve.form import (
     BOUNCE,
     EVERYTHING,
@@ -55,6 +55,7 @@ from gapsense.identification.valve.minimise import (
     Fit,
     Start,
     Trial,
+    Weighted,
     best_reading,
     carry_over,
     currents_left,
@@ -78,22 +79,14 @@ SMOOTHED = 0.5  # samples, time constant of a filter, of a first guess
 TRIALS = 12  # fits for each level of forms, four forms from three starts; as many for the readings of the voltage
 
 
-class Method(NamedTuple):
-    """How the minimum is sought; see `identify`."""
-
-    starts: int
-    seed: int
-    conventions: Sequence[str]
-
-
-def course_of(prepared: Prepared, method: Method, sought: Sought, progress: Progress) -> Course:
-    """What is to be expected of a fit."""
+def course_of(prepared: Prepared, starts: int, readings: int, sought: Sought, progress: Progress) -> Course:
+    """What is to be expected of a fit with so many starts and readings of the voltage."""
     firsts = sum(first.experiment.current.size for first in prepared.firsts)
     whole = sum(e.current.size for e in prepared.experiments)
     one = float(STEPS * POINTS * firsts)
-    tried, readings = TRIALS * one if sought.forms else 0.0, len(method.conventions)
+    tried = TRIALS * one if sought.forms else 0.0
     phases = {
-        "starts": method.starts * one,
+        "starts": starts * one,
         "readings": readings * one + tried if readings else 0.0,
         "forms": tried,
         "whole": float(WHOLE * POINTS * whole),
@@ -112,15 +105,18 @@ class Beginning(NamedTuple):
     others: Sequence[Timed] = ()  # delays and forms that evidence does not clearly exclude
 
 
-def begin(fit: Fit, prepared: Prepared, method: Method, sought: Sought, drive: Driver) -> Beginning:
-    """The best start, the reading of the voltage, the form and the causes that explain the first operations best."""
-    firsts = [first.experiment for first in prepared.firsts]
-    found = fit.multi_start(firsts, method.starts, method.seed) if method.starts else []
+def begin(
+    fit: Fit, prepared: Prepared, found: list[Start], conventions: Sequence[str], sought: Sought, drive: Driver
+) -> Beginning:
+    """The reading of the voltage, the form and the causes that explain the first operations best, from the best start.
+
+    Without any start that is the first guess, and no form is tried.
+    """
     found = [start._replace(cost=fit.cost(start.ratios, prepared.experiments)) for start in found]
     ratios = min(found, key=lambda s: s.cost).ratios if found else fit.form.start
     fit.course.begins("readings")
-    if method.conventions:
-        readings = prepared.readings(method.conventions)
+    if conventions:
+        readings = prepared.readings(conventions)
         best, ratios = best_reading(fit, ratios, [reading.firsts for reading in readings], sought)
         prepared = readings[best]
     if prepared.slow and not drive.is_timed:  # edges whose mean delay is not known to the last microsecond
@@ -260,17 +256,21 @@ def fit_valve(
     drive : Drive
         What is known of the driver, and what is fitted.
     """
-    method = Method(starts, seed, conventions)
     sought = sought._replace(guesses={FILTER: SMOOTHED * records[0].dt, **sought.guesses})
     prepared = prepare_all(drive.of(records), period)
-    fit = Fit(plain(known, sought), course_of(prepared, method, sought, progress))
-    beginning = begin(fit, prepared, method, sought, drive)
+    fit = Fit(plain(known, sought), course_of(prepared, starts, len(conventions), sought, progress))
+    tried = fit.multi_start([first.experiment for first in prepared.firsts], starts, seed)
+    beginning = begin(fit, prepared, tried, conventions, sought, drive)
     fit.course.begins("whole")
     at = _minimise(fit, beginning.ratios, beginning.prepared, beginning.causes, is_searched=not beginning.starts)
     others: list[Found] = []
     if beginning.starts and "eddy" in sought.forms and not drive.is_timed:
         at, *others = _with_edges(fit, at, _forms(known, at.form, _beside(sought, beginning.trials)), drive.fitted)
-    others += [*_nearly_taken(fit, at, beginning.trials), *_fit_other_delay(fit, at, beginning.others)]
+    others += _nearly_taken(fit, at, beginning.trials)
+    for other in beginning.others:  # with another delay, or none, and the form that goes with it
+        fit.form, ratios = last_taken(other.trials)[:2]
+        others.append(_minimise(fit, ratios, other.prepared, other.causes, is_searched=False))
+    fit.form = at.form
     result = _conclude(fit, at, beginning, drive.accuracy)
     fit.form, ratios = result.form.without_lost(at.ratios, _by_noise(result, at))
     held = [name for name in at.form.fitted if name not in fit.form.fitted]
@@ -298,16 +298,6 @@ def _nearly_taken(fit: Fit, at: Found, trials: Sequence[Trial]) -> list[Found]:
         fit.form = trial.form
         start = carry_over(at.form, at.ratios, trial.form)
         ends.append(_minimise(fit, start, at.prepared, at.causes, is_searched=False))
-    fit.form = at.form
-    return ends
-
-
-def _fit_other_delay(fit: Fit, at: Found, others: Sequence[Timed]) -> list[Found]:
-    """The minima, for all operations, with another delay, or none, and the form that goes with it."""
-    ends = list[Found]()
-    for other in others:
-        fit.form, ratios = last_taken(other.trials)[:2]
-        ends.append(_minimise(fit, ratios, other.prepared, other.causes, is_searched=False))
     fit.form = at.form
     return ends
 
@@ -346,7 +336,7 @@ def _with_assumed(result: Identified, at: Found, sought: Sought) -> Identified:
     doubts = {name: scale(name.replace("_", ".")).doubt for name in assumed}
     doubts |= {name: error for name, error in sought.accuracy.items() if name in known}
     tied = {"spring_rest"} & {*assumed}
-    found = add_doubts(Ended(at.form, at.ratios, at.experiments), result.uncertainty, doubts, tied)
+    found = add_doubts(Weighted(at.form, at.experiments), at.ratios, result.uncertainty, doubts, tied)
     return result._replace(uncertainty=found, assumed={name: doubts[name] for name in assumed})
 
 

@@ -6,9 +6,7 @@ First guesses are in proportion to what is known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
-from functools import cache
-from operator import itemgetter
+from collections.abc import Callable, Collection, Mapping, Sequence, Set
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -21,23 +19,9 @@ from gapsense.identification.gap_law.laws import Law, rows
 from gapsense.identification.measurements.record import Vector
 from gapsense.identification.options import FORMS
 from gapsense.identification.valve import lossy_valve
-from gapsense.kernels.kernel import Kernel
 
 Device: TypeAlias = "solenoid_valve.Parameters | lossy_valve.Parameters"
-KERNELS = {module.Parameters: Kernel(module) for module in (solenoid_valve, lossy_valve)}
 TURNOVER = 0.07  # flux linkage in which hysteresis turns over, of that of saturation: as in the actuator of [RTS]
-SEEN = ("current", "flux_linkage", "position")
-
-
-def kernel_of(par: Device) -> Kernel:
-    """The model with these parameters, scalar: for fewer than about sixty runs faster than numpy."""
-    return KERNELS[type(par)]
-
-
-@cache
-def output_getter(kernel: Kernel) -> itemgetter[Any]:
-    """Current, flux linkage and position of a kernel's outputs."""
-    return itemgetter(*map(kernel.module.Outputs._fields.index, SEEN))
 
 
 def value_of(par: Device, name: str) -> Any:
@@ -95,19 +79,6 @@ class Form(NamedTuple):
         made = replace_values(self.known, **{n: x for name, f in factors for n, x in multiply(self.known, name, f)})
         return made if self.law is None else replace_values(made, **_table(self.law_at(ratios), made))
 
-    def at_each(self, points: Sequence[Vector]) -> list[Device]:
-        """The same of several points, which differ in a few numbers: a tenth of the time."""
-        fields = self.known._fields
-        if self.law is not None or TABLE_FIELDS[0] in self.fitted:
-            return [*map(self.at, points)]
-        bare, made = valve(self.known), list[Device]()
-        inner = [(k, bare._fields.index(name)) for k, name in enumerate(self.fitted) if name not in fields]
-        outer = [(k, fields.index(name)) for k, name in enumerate(self.fitted) if name in fields]
-        for factors in (np.exp(ratios).tolist() for ratios in points):
-            par = _multiply_fields(self.known, outer, factors)
-            made.append(par._replace(valve=_multiply_fields(bare, inner, factors)) if inner else par)
-        return made
-
     def law_at(self, ratios: Vector) -> Law:
         """The gap law with its fitted numbers; what is known without a gap is that of core and gap together."""
         law = self.law or Law("none", 0.0, ())
@@ -120,12 +91,8 @@ class Form(NamedTuple):
     @property
     def limits(self) -> tuple[Vector, Vector]:
         """Smallest and largest ratios."""
-        factors = {name: self.limit(name) for name in self.fitted}
+        factors = {name: LIMITS.get(name, BOUND) for name in self.fitted}
         return -np.log([*factors.values()]), np.log([HIGHEST.get(name, factor) for name, factor in factors.items()])
-
-    def limit(self, name: str) -> float:
-        """Largest factor on a first guess, and under it."""
-        return LIMITS.get(name, BOUND)
 
     def factor(self, ratios: Vector) -> float:
         """On the resistances."""
@@ -154,14 +121,6 @@ class Form(NamedTuple):
         known = replace_values(self.known, **{name: value_of(now, name) for name in lost})
         fitted = tuple(name for name in self.fitted if name not in lost)
         return self._replace(known=known, fitted=fitted), ratios[free]
-
-
-def _multiply_fields(par: Any, places: Sequence[tuple[int, int]], factors: Sequence[float]) -> Any:
-    """Multiply some numbers of a record: place of the factor, and of the number."""
-    numbers = [*par]
-    for k, place in places:
-        numbers[place] *= factors[k]
-    return par._make(numbers)
 
 
 def shape(law: Law) -> tuple[str, ...]:
@@ -227,8 +186,11 @@ def larger(form: Form, sought: Sought) -> list[Form]:
         device, guesses = ADDED[name](form)
         guesses |= {n: guess for n, guess in sought.guesses.items() if n in guesses and guess > 0.0}
         if name not in form.added and guesses and next(iter(guesses)) not in sought.held:
-            made = _more(form, name, replace_values(device, **guesses), [n for n in guesses if n not in sought.held])
-            found += [made, _toggle_magnetised(made)] if "hysteresis" in made.added else [made]
+            more = [n for n in guesses if n not in sought.held]
+            old = [n for n in form.fitted if not (n == "gap_slope" and "gap_area" in more)]  # of a law that is gone
+            known, added = replace_values(device, **guesses), (*form.added, name)
+            made = form._replace(known=known, fitted=(*old, *more), added=added)
+            found += [made, _toggle_magnetised(made)] if "hysteresis" in added else [made]
     return found
 
 
@@ -237,11 +199,6 @@ def _toggle_magnetised(form: Form) -> Form:
     others, was = tuple(name for name in form.added if name != MAGNETISED), MAGNETISED in form.added
     known = replace_values(form.known, core_remanence=0.0 if was else 1.0)
     return form._replace(known=known, added=others if was else (*others, MAGNETISED))
-
-
-def with_eddy(form: Form) -> tuple[Device, dict[str, float]]:
-    """Eddy currents."""
-    return with_losses(form.known), {"core_eddy": EDDY / value_of(form.known, "coil_resistance")}
 
 
 def with_hysteresis(form: Form) -> tuple[Device, dict[str, float]]:
@@ -267,17 +224,11 @@ def with_fringing(form: Form) -> tuple[Device, dict[str, float]]:
 
 
 ADDED: dict[str, Callable[[Form], tuple[Device, dict[str, float]]]] = {
-    "eddy": with_eddy,
+    "eddy": lambda form: (with_losses(form.known), {"core_eddy": EDDY / value_of(form.known, "coil_resistance")}),
     "hysteresis": with_hysteresis,
     "fringing": with_fringing,
     "filter": lambda form: (with_losses(form.known), {FILTER: 1e-5}),
 }
-
-
-def _more(form: Form, name: str, known: Device, names: Sequence[str]) -> Form:
-    """The form with more parameters; those of a law that it no longer has are gone."""
-    old = [n for n in form.fitted if not (n == "gap_slope" and "gap_area" in names)]
-    return form._replace(known=known, fitted=(*old, *names), added=(*form.added, name))
 
 
 VALVE: Parameters = kernel_parameters(own("solenoid_valve"), {})  # [SEMERA] Table I
@@ -303,10 +254,6 @@ def guess_similar(par: Parameters, given: Collection[str]) -> Parameters:
     Voltage and current stay the same if lengths are multiplied by s, and mass, stiffness and damping by 1/s^2. They
     also stay if reluctances per gap are multiplied by k, the core by k s, and the turns by its square root.
     """
-    return par._replace(**dict(_guesses(par, given)))
-
-
-def _guesses(par: Parameters, given: Collection[str]) -> Iterator[tuple[str, Any]]:
     s = (par.stop_upper - par.stop_lower) / (VALVE.stop_upper - VALVE.stop_lower)
     rest = par.spring_rest if "spring_rest" in given else VALVE.spring_rest * s
     turns = par.coil_turns if "coil_turns" in given else VALVE.coil_turns * np.sqrt(s * _slope(par) / VALVE.gap_slope)
@@ -320,7 +267,7 @@ def _guesses(par: Parameters, given: Collection[str]) -> Iterator[tuple[str, Any
         "damping": VALVE.damping / s**2,
         "mover_mass": VALVE.mover_mass / s**2,
     }
-    yield from ((name, guess) for name, guess in guesses.items() if name not in given)
+    return par._replace(**{name: guess for name, guess in guesses.items() if name not in given})
 
 
 def _slope(par: Parameters) -> float:
@@ -334,8 +281,3 @@ def _slope(par: Parameters) -> float:
         r0, k = 1.0 / (MU_0 * par.gap_area), par.gap_area**-0.5
         R = np.array([fringing(h, r0, k, 2.0 * par.gap_window)[0] for h in ends.tolist()])
     return float(np.diff(R)[0] / np.diff(ends)[0])
-
-
-def values(par: Device, names: Collection[str]) -> Mapping[str, float]:
-    """Values of fields."""
-    return {name: float(value_of(par, name)) for name in names}

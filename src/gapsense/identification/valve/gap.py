@@ -17,10 +17,10 @@ from gapsense.actuators.magnetics import MU_0
 from gapsense.actuators.solenoid_valve import GapLaw, Parameters
 from gapsense.identification.gap_law import motion
 from gapsense.identification.gap_law.laws import Law, Vector, best_law, candidates, rows
-from gapsense.identification.gap_law.motion import KNOWN, Measured, Trial, evidence, scale_law, square, trials
+from gapsense.identification.gap_law.motion import KNOWN, Measured, Trial, evidence, scale_law, trials
 from gapsense.identification.gap_law.show import fields
 from gapsense.identification.gap_law.table import read_inductances, remarks
-from gapsense.identification.least_squares import rms
+from gapsense.identification.least_squares import rms, square
 from gapsense.identification.measurements.operations import estimate, operations
 from gapsense.identification.measurements.record import Record, read_each
 from gapsense.identification.measurements.signals import hidden, noise
@@ -31,7 +31,7 @@ from gapsense.identification.valve.form import LAWS, Sought, shape, value_of
 from gapsense.identification.valve.model import Trajectory
 from gapsense.identification.valve.show import Known
 from gapsense.problems import InputError
-from gapsense.report.table import quantity, table
+from gapsense.report.table import percent, quantity, table
 
 TURNS = "coil_turns"
 
@@ -44,11 +44,6 @@ class Gap(NamedTuple):
     records: Sequence[Record]  # with positions that are to be fitted
     conventions: Sequence[str] = ()  # of the voltage between samples, that are left to the fit
     told: Sequence[Table | str] = ()
-
-    @property
-    def more(self) -> tuple[Sequence[str], Sought]:
-        """The last arguments of `fit.identify`."""
-        return self.conventions, self.sought
 
 
 def noises(records: Sequence[Record]) -> list[str]:
@@ -107,9 +102,7 @@ def of_inductances(
         *remarks(measured),
     ]
     sought = sought._replace(held=(*sought.held, TURNS), gap=(), law=law, total=law.offset)
-    return Gap(
-        parameters=known, sought=sought, records=records, conventions=conventions, told=[*told, *noises(records)]
-    )
+    return Gap(known, sought, records, conventions, told=[*told, *noises(records)])
 
 
 SMALLEST = 1e-6
@@ -138,25 +131,14 @@ def of_positions(
     k = left.index(min(left))
     best = motion.best(laws[k])
     told: list[Table | str] = [_law_table(laws[k], best), *noises(records)]
+    found = Gap(par, sought, records, tuple(name for name in names[k : k + 1] if name))
     if best.law.name == KNOWN:
-        return Gap(
-            parameters=_confirm(par, best),
-            sought=sought,
-            records=records,
-            conventions=tuple(name for name in names[k : k + 1] if name),
-            told=[*told, CONFIRMED],
-        )
+        return found._replace(parameters=_confirm(par, best), told=[*told, CONFIRMED])
     known = par._replace(core_reluctance=best.core_reluctance, core_saturation=best.core_saturation)
     known, gap = _guess_law(known, best.law)
     law = best.law if best.law.knots else None
     sought = sought._replace(held=(*sought.held, TURNS), gap=gap, law=law)
-    return Gap(
-        parameters=known,
-        sought=sought,
-        records=records,
-        conventions=tuple(name for name in names[k : k + 1] if name),
-        told=[*told, HELD.format(float(par.coil_turns))],
-    )
+    return found._replace(parameters=known, sought=sought, told=[*told, HELD.format(float(par.coil_turns))])
 
 
 def _confirm(par: Parameters, found: Trial) -> Parameters:
@@ -203,16 +185,10 @@ def _guess_law(par: Parameters, law: Law) -> tuple[Parameters, tuple[str, ...]]:
 
 def _law_table(trials: Sequence[Trial], best: Trial) -> Table:
     """The laws that were tried."""
-    rows = (
-        (
-            trial.law.name,
-            f"{trial.size}",
-            quantity(rms(trial.left), "A"),
-            f"{worth:.0f}",
-            "taken" if trial is best else "",
-        )
-        for trial, worth in zip(trials, evidence([*trials]))
-    )
+    rows = []
+    for trial, worth in zip(trials, evidence([*trials])):
+        taken = "taken" if trial is best else ""
+        rows.append((trial.law.name, f"{trial.size}", quantity(rms(trial.left), "A"), f"{worth:.0f}", taken))
     return table("Gap laws, by the positions", ("", "numbers", "left of the current", "evidence", ""), rows)
 
 
@@ -268,7 +244,7 @@ def slopes(result: Identified) -> list[Table | str]:
     made: list[Table | str] = []
     if errors:
         numbers = zip(law.knots, law.numbers, shape(law)[1:])
-        cells = ((quantity(h, "m"), quantity(x, "1/(H.m)"), f"{100.0 * errors[name]:.2g} %") for h, x, name in numbers)
+        cells = ((quantity(h, "m"), quantity(x, "1/(H.m)"), percent(errors[name])) for h, x, name in numbers)
         made.append(table("Slope of the gap reluctance", ("gap", "slope", "standard error"), cells))
     core = float(value_of(result.parameters, "core_reluctance"))
     return [

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache, lru_cache
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from gapsense.actuators import solenoid_valve
 from gapsense.actuators.solenoid_valve import Parameters
 from gapsense.identification.causes import BESIDE, PLACE, Signals, apply_causes, edges, is_place, of_record
 from gapsense.identification.least_squares import Matrix, finite
@@ -25,7 +27,7 @@ from gapsense.identification.measurements.record import (
 from gapsense.identification.measurements.signals import hidden, noise
 from gapsense.identification.measurements.switching import Carrier, carrier, rises
 from gapsense.identification.valve import lossy_valve
-from gapsense.identification.valve.form import FACTOR, FILTER, Device, Form, kernel_of, output_getter, replace_values
+from gapsense.identification.valve.form import FACTOR, FILTER, Device, Form, replace_values
 from gapsense.kernels.kernel import Kernel
 from gapsense.kernels.lanes import Plan
 from gapsense.kernels.lanes.kernels import Sample, columns_of, plan_steps
@@ -56,6 +58,10 @@ class Response(NamedTuple):
 
     current: Vector
     position: Vector | None = None
+
+
+KERNELS = {module.Parameters: Kernel(module) for module in (solenoid_valve, lossy_valve)}  # by parameters
+LOOKS = {par: itemgetter(*map(k.module.Outputs._fields.index, Trajectory._fields)) for par, k in KERNELS.items()}
 
 
 class Experiment(NamedTuple):
@@ -153,8 +159,8 @@ def simulate(
     if filters := filters_of(par, dt, filtered):
         model = simulate(without_filter(par), _single(halves), 0.5 * dt, resistance.repeat(2))
         return Trajectory(behind(filters, model.current), model.flux_linkage[1::2], model.position[1::2])
-    kernel, resistances = kernel_of(par), resistance.tolist()
-    step, look = kernel.scalar["step"], output_getter(kernel)
+    kernel, resistances = KERNELS[type(par)], resistance.tolist()
+    step, look = kernel.scalar["step"], LOOKS[type(par)]
     course = follow(halves)
     constants = flat(par)[1:]  # the resistance is the first
     state, outputs = kernel.scalar["initial"]((0.0, 0.0, 0.0), (resistances[0], *constants))
@@ -248,25 +254,13 @@ def simulate_experiment(par: Device, experiment: Experiment) -> Trajectory:
 
 def residuals(form: Form, points: Sequence[Vector], experiments: Sequence[Experiment]) -> Matrix:
     """Weighted residuals, current and flux linkage of each experiment (points, residuals); their squares make J."""
-    return residuals_of(form.at_each(points), experiments)
-
-
-def residuals_of(pars: Sequence[Device], experiments: Sequence[Experiment]) -> Matrix:
-    """The same of some devices."""
-    return finite(np.concatenate([weight(e, _stack_models(simulate_batch(pars, e))) for e in experiments], axis=1))
-
-
-def _stack_models(models: Sequence[Response]) -> Response:
-    """Stack models to one, whose signals have a row for each."""
-    positions = [model.position for model in models if model.position is not None]
-    return Response(np.stack([model.current for model in models]), np.stack(positions) if positions else None)
+    pars = [*map(form.at, points)]
+    found = [np.stack([weight(e, model) for model in simulate_batch(pars, e)]) for e in experiments]
+    return finite(np.concatenate(found, axis=1))
 
 
 def weight(experiment: Experiment, model: Response | Trajectory) -> Matrix:
-    """The residuals of an experiment (..., residuals), of current, flux linkage and, where it is fitted, position.
-
-    The signals of the model may have a row for each of several models (..., n).
-    """
+    """The residuals of an experiment, of current, flux linkage and, where it is fitted, position."""
     c_i, c_lam = experiment.weights()
     flux_linkage = integrate_flux(experiment, model.current)  # as the measured one, or the sampling would bias the fit
     parts = [c_i * (experiment.current - model.current), c_lam * (experiment.flux_linkage - flux_linkage)]
@@ -312,11 +306,6 @@ def integrate_flux(experiment: Experiment, current: Vector) -> Vector:
     return np.asarray(experiment.dt * np.cumsum(rates, axis=-1))
 
 
-def cost(residual: Vector) -> float:
-    """J of (24), over all experiments."""
-    return float(residual @ residual)
-
-
 RESISTANCE = "coil_resistance"  # the first parameter; it differs from interval to interval, not from run to run
 
 
@@ -336,7 +325,7 @@ def simulate_batch(pars: Sequence[Device], experiment: Experiment) -> list[Respo
             Response(behind(by, run.current), None if run.position is None else run.position[1::2])
             for by, run in zip(filters, runs)
         ]
-    kernel, with_position = kernel_of(pars[0]), experiment.position is not None
+    kernel, with_position = KERNELS[type(pars[0])], experiment.position is not None
     halves, R = experiment.halves, experiment.resistance
     drive = drive_of(halves.tobytes(), R.tobytes(), experiment.dt)
     recorded = plan_of(kernel, drive.is_jump, drive.changes, with_position)

@@ -30,15 +30,17 @@ from gapsense.identification.parameter_set import (
     write_table,
 )
 from gapsense.identification.residual import hums, verdict
-from gapsense.identification.show import TWO_SIDED, Validation, about, compare, validation
+from gapsense.identification.show import TWO_SIDED, Validation, about, validation
 from gapsense.identification.temperature import Coefficient
 from gapsense.identification.valve import lossy_valve
 from gapsense.identification.valve.driver import TAKEN
 from gapsense.identification.valve.errors import likely_causes
 from gapsense.identification.valve.fit import Identified
 from gapsense.identification.valve.form import (
+    BOUND,
     FACTOR,
     FILTER,
+    LIMITS,
     LOSSES,
     TABLE_FIELDS,
     Device,
@@ -148,6 +150,11 @@ def get_fitted_value(result: Identified, name: str) -> float:
     return float(now[-1] / before[-1])
 
 
+def show_value(result: Identified, name: str) -> str:
+    """The same with its unit."""
+    return quantity(get_fitted_value(result, name), PORTS[name].unit)
+
+
 def valve_errors(result: Identified) -> dict[str, float]:
     """Standard errors by parameter of the device, in its unit."""
     named = {name: error for name, error in result.errors.items() if name not in (*TABLE_FIELDS, FILTER)}
@@ -178,7 +185,7 @@ def validate(par: Device, record: Record) -> Validation:
     halves = take_out_causes(record, is_sharp=True).halves[first:]
     R = np.full(len(halves), value_of(par, "coil_resistance"))
     model = simulate(par, halves, record.dt, R, record.filtered)
-    return compare(record, model, first)
+    return Validation(record, model, first)
 
 
 SAME = 1.01  # ratio of the costs of starts that found the same minimum
@@ -217,14 +224,7 @@ def assumed_table(result: Identified) -> list[Table | str]:
     names = {PORTS[name].name: name for name in result.assumed}
     if not names:
         return []
-    rows = [
-        (
-            name,
-            quantity(get_fitted_value(result, field), PORTS[field].unit),
-            describe_doubt(name, result.assumed[field]),
-        )
-        for name, field in names.items()
-    ]
+    rows = [(name, show_value(result, f), describe_doubt(name, result.assumed[f])) for name, f in names.items()]
     heads = ("parameter", "assumed", "standard error")
     return [table("Assumed, neither given nor found in the records", heads, rows), *meanings(names)]
 
@@ -238,32 +238,17 @@ def parameters(result: Identified) -> Table:
         interval = " to ".join(quantity(end, unit) for end in ends)
         note = "not identified" if name in result.poor else ""
         rows.append((PORTS[name].name, quantity(value, unit), format_error(error), interval, note))
-    for name in result.held:
-        rows.append(
-            (
-                PORTS[name].name,
-                quantity(get_fitted_value(result, name), PORTS[name].unit),
-                "",
-                "",
-                "not identified, held",
-            )
-        )
+    rows += [(PORTS[name].name, show_value(result, name), "", "", "not identified, held") for name in result.held]
     return table("Parameters", ("parameter", "value", "standard error", "95 % interval", ""), rows)
 
 
 def forms(result: Identified) -> list[Table]:
     """The forms of the model that were tried, if any were beside the plain one."""
-    rows = (
-        (
-            ", ".join(trial.form.added) or "plain",
-            f"{len({*trial.form.fitted} - {FACTOR})}",
-            quantity(trial.rms, "A"),
-            f"{trial.evidence:.0f}" if trial.form.added else "",
-            "taken" if trial.is_taken and trial.form.added else "",
-        )
-        for trial in result.trials
-    )
-    heads = ("form", "parameters", "residual", "evidence", "")
+    heads, rows = ("form", "parameters", "residual", "evidence", ""), []
+    for trial in result.trials:
+        added, count = trial.form.added, len({*trial.form.fitted} - {FACTOR})
+        judged = (f"{trial.evidence:.0f}", "taken" if trial.is_taken else "") if added else ("", "")
+        rows.append((", ".join(added) or "plain", f"{count}", quantity(trial.rms, "A"), *judged))
     return [table("Forms of the model, fitted to the first operations", heads, rows)] if result.trials[1:] else []
 
 
@@ -355,11 +340,11 @@ def _describe_undetermined(result: Identified) -> list[str]:
     said = [UNSATURATED] if result.is_unsaturated else []
     for name in [n for n in result.at_bounds if not (n == "core_saturation" and result.is_unsaturated)]:
         said.append(
-            f"`{PORTS[name].name}` ends at a limit of the search, {result.form.limit(name):g} times its first guess, so"
+            f"`{PORTS[name].name}` ends at a limit of the search, {LIMITS.get(name, BOUND):g} times its first guess, so"
             " that it has no standard error, and those of the others are too small: give a better guess."
         )
     for name in result.held:
-        value = quantity(get_fitted_value(result, name), PORTS[name].unit)
+        value = show_value(result, name)
         said.append(
             f"`{PORTS[name].name}` is not identified: these records do not determine it. It is held at {value}."
         )

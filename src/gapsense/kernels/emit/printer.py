@@ -34,16 +34,17 @@ class Loop(NamedTuple):
     new: list[Any]
 
 
-def operands(node: Expr, region: Region) -> Iterator[tuple[Any, Region]]:
+def operands(node: Expr, region: Region) -> list[tuple[Any, Region]]:
     """Operands of a node of `region`, those in its branches or its loop body included, each with where it is read."""
-    yield from ((arg, region) for arg in node.args)
+    found = [(arg, region) for arg in node.args]
     if node.op == "if":
         then, otherwise, outs = node.extra
         for a, b in outs.values():
-            yield from ((a, then), (b, otherwise))
+            found += (a, then), (b, otherwise)
     elif node.op == "loop":
         body, _, new, stop, _ = node.extra
-        yield from ((value, body) for value in (*new, stop))
+        found += [(value, body) for value in (*new, stop)]
+    return found
 
 
 def regions(node: Expr) -> tuple[Region, ...]:
@@ -66,12 +67,13 @@ def elementary(name: str, form: Format = DOUBLE) -> Graph:
 
 def _bare(text: str) -> str:
     """`text` without a pair of parentheses around all of it."""
-    depth = 0
-    for k, letter in enumerate(text):
-        depth += (letter == "(") - (letter == ")")
-        if depth == 0:
-            return text[1:-1] if k and text[0] == "(" and k == len(text) - 1 else text
-    return text
+    if text[:1] != "(":
+        return text
+    depth, end = 1, 1
+    while depth:  # up to the parenthesis that closes the first
+        opening, end = text.find("(", end), text.find(")", end) + 1
+        depth, end = (depth + 1, opening + 1) if 0 <= opening < end else (depth - 1, end)
+    return text[1:-1] if end == len(text) else text
 
 
 def indexing(graph: Graph) -> set[str]:
@@ -148,17 +150,17 @@ class Printer(ABC):
                 self.loops |= {variable.id: (node, k) for k, variable in enumerate(node.extra[1])}
             for inner in regions(node):
                 self._place(inner, (*enclosing, region))
+            has_index = node.op in ("load", "store")
             for value, place in operands(node, region):
-                self._check_visible(value, {*enclosing, region, place})
                 if isinstance(value, Expr):
-                    is_index = node.op in ("load", "store") and value is node.args[1]
-                    (self.indices if is_index else self.numbers).add(value.id)
-                    if self.home[value.id] is not place:
+                    (self.indices if has_index and value is node.args[1] else self.numbers).add(value.id)
+                    if self.home.get(value.id) is not place:
+                        self._check_visible(value, (*enclosing, region))
                         self.far.add(value.id)
                     if place is not region:
                         self.leaving.add(value.id)
 
-    def _check_visible(self, value: Any, regions: Any) -> None:
+    def _check_visible(self, value: Any, regions: tuple[Region, ...]) -> None:
         if isinstance(value, Expr) and self.home.get(value.id) not in regions:
             raise TraceError(
                 f"`{self.graph.name}`: a value made inside cond() or loop() is used outside; return it from there."
@@ -191,7 +193,7 @@ class Printer(ABC):
             return [(node.extra[3], 1)]
         if node.op == "if":
             return [(node.args[0], self.condition_uses)]
-        return [(value, 1) for value, _ in operands(node, self.home[node.id])]
+        return [(value, 1) for value in node.args]
 
     def _variable(self, loop: Expr, k: int) -> list[tuple[Any, int]]:
         """What a variable of a loop needs, once."""
@@ -271,7 +273,7 @@ class Printer(ABC):
         op = "table" if node.op == "load" and node.args[0].extra == "table" else node.op
         form = self.form(op)
         element = self.element(node) if node.op in ("load", "store") else ""
-        text = form.format(op=op, a=a, b=[*map(_bare, a)], i=element)
+        text = form.format(op=op, a=a, b=[*map(_bare, a)] if "{b" in form else a, i=element)
         return self.forms["whole"].format(_bare(text)) if self.is_index(node) and node.op != "locate" else text
 
     def operand(self, node: Expr, value: Any) -> str:
@@ -387,6 +389,7 @@ def _constant(region: Region, known: set[int], harmless: tuple[str, ...], is_roo
 
 def _needs(node: Expr, region: Region) -> set[int]:
     """What a node needs, less what is made in its branches."""
-    inner = [(n, r) for r in regions(node) for n in r.nodes]
     needed = {value.id for value, _ in operands(node, region) if isinstance(value, Expr)}
+    if not (inner := [(n, r) for r in regions(node) for n in r.nodes]):
+        return needed
     return needed.union(*(_needs(n, r) for n, r in inner)) - {n.id for n, _ in inner}

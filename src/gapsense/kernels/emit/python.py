@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from gapsense.kernels.elementary import FORMULAS
@@ -154,12 +154,13 @@ class Choosing(Printer):
             self._node(node)
 
 
-def _read(node: Expr, region: Region) -> Iterator[int]:
+def _read(node: Expr, region: Region) -> list[int]:
     """What a node reads, in its branches or its loop body too."""
-    yield from (value.id for value, _ in operands(node, region) if isinstance(value, Expr))
+    found = [value.id for value, _ in operands(node, region) if isinstance(value, Expr)]
     for inner in regions(node):
         for other in inner.nodes:
-            yield from _read(other, inner)
+            found += _read(other, inner)
+    return found
 
 
 class Python(Choosing):

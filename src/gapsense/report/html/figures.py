@@ -15,7 +15,7 @@ from bokeh.plotting import figure
 from gapsense.cosim.result.compare import Difference
 from gapsense.report.html import style
 from gapsense.report.html.curves import Curve, Panel, Strip, Vector, choose_rows
-from gapsense.report.html.subject import Event, Shown
+from gapsense.report.html.subject import Shown
 from gapsense.report.table import choose_prefix
 
 bk: Any = bokeh.models  # whose annotations lack much of it
@@ -35,14 +35,14 @@ class Axes:
     cursor: Any  # Span
     factor: float
     unit: str
-    events: tuple[Event, ...]
+    events: tuple[tuple[float, float], ...]  # begin and end of each [s]
     numbers: Mapping[str, int]  # of components, which have a colour each
     most: int  # points of a curve
 
 
 def make_time_axis(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
     """Make the time axis of a result, in the unit that suits its span."""
-    first, last = (float(shown.result.times[k]) for k in (0, -1))
+    run, (first, last) = shown.result.run, shown.result.times[[0, -1]].tolist()
     factor, unit = choose_prefix(max(abs(first), abs(last)), "s")
     last = last if last > first else first + factor
     ends = {"start": first / factor, "end": last / factor}
@@ -53,7 +53,7 @@ def make_time_axis(shown: Shown, numbers: Mapping[str, int], most: int) -> Axes:
         cursor=cursor,
         factor=1.0 / factor,
         unit=unit,
-        events=shown.events,
+        events=tuple((e.begin, run.stop if e.end is None else e.end) for e in shown.result.events),
         numbers=numbers,
         most=most,
     )
@@ -65,8 +65,10 @@ def empty(axes: Axes, height: int) -> Any:
     of_time = {"x_range": axes.range, "toolbar_location": "right", "lod_threshold": None, **borders}
     made = blank(height, [zoom, *tools(axes)], axes.unit, **of_time)
     made.toolbar_inner, made.y_range.only_visible = True, True
-    for event in axes.events:
-        made.add_layout(box(event, axes.factor))
+    for begin, end in axes.events:
+        ends = {"left": begin * axes.factor, "right": end * axes.factor}
+        look = {"fill_color": EVENT, "fill_alpha": 0.15, "line_color": EVENT, "level": "underlay"}
+        made.add_layout(bk.BoxAnnotation(**ends, **look))
     return made
 
 
@@ -106,12 +108,6 @@ def dress(made: Any, unit: str) -> None:
     made.xaxis.axis_label = f"time / {unit}" if unit else None
 
 
-def box(event: Event, factor: float) -> Any:
-    """Shade over an event."""
-    ends = {"left": event.begin * factor, "right": event.end * factor}
-    return bk.BoxAnnotation(**ends, fill_color=EVENT, fill_alpha=0.15, line_color=EVENT, level="underlay")
-
-
 class Entry(NamedTuple):
     """A curve in the legend of a figure; its renderers, if it has any, have the name `key`."""
 
@@ -140,10 +136,15 @@ def panel(of: Panel, axes: Axes, key: str) -> Drawn:
     legend, shown, rows = [], 0, 0
     for k, (curve, entry) in enumerate(zip(of.curves, entries(of, axes, key))):
         chosen = choose_rows(curve.values, axes.most)
-        draw(made, take_rows(curve, chosen), entry, axes, scale, of.is_error, width(curve, k, len(of.curves)))
+        half = None if curve.band is None else curve.band[chosen]
+        part = replace(curve, times=curve.times[chosen], values=curve.values[chosen], band=half)
+        # Each line is thinner than the one before, so that curves that coincide are all visible.
+        width = 4.5 if curve.is_truth else 1.1 + 1.1 * (len(of.curves) - 1 - k) / len(of.curves)
+        draw(made, part, entry, axes, scale, of.is_error, width)
         legend.append(entry)
-        shown, rows = max(shown, chosen.size), max(rows, of.curves[k].values.size)
-    fit(made)
+        shown, rows = max(shown, chosen.size), max(rows, curve.values.size)
+    # The upright axis follows the curves, not their bands, which may be much wider.
+    made.y_range.renderers = [r for r in made.renderers if not isinstance(r.glyph, bk.VAreaStep)]
     remark = "; ".join(filter(None, (of.note, few(shown, rows))))
     return Drawn(figure=made, key=key, label=of.title, unit=unit, legend=tuple(legend), remark=remark)
 
@@ -151,11 +152,6 @@ def panel(of: Panel, axes: Axes, key: str) -> Drawn:
 def few(shown: int, rows: int) -> str:
     """A remark, if not all rows of a record are drawn."""
     return f"{shown} of {rows} points, least and greatest of each piece" if shown < rows else ""
-
-
-def fit(made: Any) -> None:
-    """Let the upright axis follow the curves, not their bands, which may be much wider."""
-    made.y_range.renderers = [r for r in made.renderers if not isinstance(r.glyph, bk.VAreaStep)]
 
 
 def fitting(unit: str, *signals: Vector) -> tuple[float, str]:
@@ -176,17 +172,6 @@ def entries(of: Panel, axes: Axes, key: str) -> Iterator[Entry]:
         colour = style.INK if curve.is_truth else style.colour(number)
         dash = () if curve.is_truth else style.dash(number, turn)
         yield Entry(key=f"{key}-{k}", label=curve.name, colour=colour, dash=dash, is_band=curve.band is not None)
-
-
-def take_rows(curve: Curve, rows: Any) -> Curve:
-    """Take the rows of a curve that are shown."""
-    half = None if curve.band is None else curve.band[rows]
-    return replace(curve, times=curve.times[rows], values=curve.values[rows], band=half)
-
-
-def width(curve: Curve, place: int, count: int) -> float:
-    """Width of a line [pixels]: each is thinner than the one before, so that curves that coincide are all visible."""
-    return 4.5 if curve.is_truth else 1.1 + 1.1 * (count - 1 - place) / count
 
 
 def draw(

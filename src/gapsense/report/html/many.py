@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gapsense._os.files import Sheet, number, read_sheet
-from gapsense.cosim.result.sidecar import absolute
+from gapsense.cosim.result.sidecar import absolute, relative
 from gapsense.cosim.scenario.read import CAMPAIGN_FILE
 from gapsense.many import summary
 from gapsense.many.columns import OWN, Columns, contents
@@ -43,11 +42,7 @@ class Many:
     def scenario(self) -> str:
         """The scenario's file from the working folder; empty if it has none, or if an older result does not tell it."""
         folder = self.file if self.kind == "campaign" else self.file.parent
-        found = absolute(self.about.get("source", ""), folder)
-        try:
-            return Path(os.path.relpath(found)).as_posix() if found else ""
-        except ValueError:  # another drive
-            return Path(found).as_posix()
+        return relative(absolute(self.about.get("source", ""), folder), Path())
 
     @cached_property
     def spreads(self) -> dict[str, Spread]:

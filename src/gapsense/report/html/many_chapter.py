@@ -7,7 +7,7 @@ import math
 import shlex
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import bokeh.models
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from gapsense.many import summary
 from gapsense.many.provenance import EVENTS
 from gapsense.problems import number_of
-from gapsense.report.distributions import Bars, Distributions, Points, name_level
+from gapsense.report.distributions import Bars, Distributions, name_level
 from gapsense.report.html import style
 from gapsense.report.html.figures import Chapter, Drawn, Entry, Verdict, blank, fitting, limits
 from gapsense.report.html.many import Many
@@ -92,8 +92,7 @@ def of_bounds(many: Many) -> Iterator[str]:
         yield f"{many_bounded} with bounds, {len(outside)} outside of them in some runs."
     elif bounded:
         yield f"{many_bounded} with bounds, within them in all runs that have a value."
-    gaps = [name for name in many.extremes if many.spreads[name].missing > many.campaign.failed]
-    if gaps:
+    if gaps := [name for name in many.extremes if many.spreads[name].missing > many.campaign.failed]:
         yield f"{number_of(len(gaps), 'metric')} without a value in some runs that did not fail."
 
 
@@ -141,23 +140,15 @@ def make_command(many: Many, run: int) -> str:
         return in_python(many, run, row["seed"], values)
     seeds = {f"{name}.seed": seed + row["seed"] for name, seed in about.get("seeds", {}).items()}
     given = {**about.get("settings", {}), **seeds, **values}
-    words = ["gapsense", "run", many.scenario, *variant(about), *(w for s in settings(given) for w in ("--set", s))]
-    return shlex.join(words)
-
-
-def variant(about: Mapping[str, Any]) -> tuple[str, ...]:
-    """Option for the variant."""
-    return ("--variant", about["variant"]) if about.get("variant") else ()
+    own = ["--variant", about["variant"]] if about.get("variant") else []
+    return shlex.join(["gapsense", "run", many.scenario, *own, *(w for s in settings(given) for w in ("--set", s))])
 
 
 def settings(values: Mapping[str, Any]) -> Iterator[str]:
-    """Values as `--set` takes them."""
-    return (f"{name}={format_setting(value)}" for name, value in values.items())
-
-
-def format_setting(value: Any) -> str:
-    """Write a value as it is read back; a text in quotes where it would mean something else."""
-    return value if isinstance(value, str) and parsed_value(value) == value else json.dumps(value)
+    """Values as `--set` reads them back; a text is in quotes where it would mean something else."""
+    for name, value in values.items():
+        is_plain = isinstance(value, str) and parsed_value(value) == value
+        yield f"{name}={value if is_plain else json.dumps(value)}"
 
 
 def in_python(many: Many, run: int, shift: int, values: Mapping[str, Any]) -> str:
@@ -173,15 +164,8 @@ def in_python(many: Many, run: int, shift: int, values: Mapping[str, Any]) -> st
 # Plots of many runs: how each metric is distributed, and how it goes with each parameter.
 
 
-class Panels(NamedTuple):
-    """What is drawn: for each metric the parameters that it is drawn over."""
-
-    chosen: dict[str, list[str]]
-    note: str
-
-
-def panels(many: Many) -> Panels:
-    """Metrics that leave their bounds first, each over the parameters that it goes with most."""
+def panels(many: Many) -> tuple[dict[str, list[str]], str]:
+    """Metrics that leave their bounds first, each over the parameters that it goes with most; a note on the others."""
     known = [name for name in many.extremes if many.campaign.rows - many.spreads[name].missing > 0]
     metrics = sorted(known, key=lambda name: not many.extremes[name].outside)[:METRICS]
     factors = [f for f in many.campaign.factors if f in many.spreads or many.levels[f] is not None]
@@ -189,8 +173,8 @@ def panels(many: Many) -> Panels:
     chosen = {name: order_factors(many, name, factors)[:room] for name in known if name in metrics}
     words = f"{len(metrics)} of {len(many.extremes)} metrics are drawn"
     if len(factors) > room:
-        return Panels(chosen, f"{words}, each over the {room} of {len(factors)} parameters that it depends on most. ")
-    return Panels(chosen, f"{words}. " if len(metrics) < len(many.extremes) else "")
+        return chosen, f"{words}, each over the {room} of {len(factors)} parameters that it depends on most. "
+    return chosen, f"{words}. " if len(metrics) < len(many.extremes) else ""
 
 
 def order_factors(many: Many, metric: str, factors: list[str]) -> list[str]:
@@ -246,13 +230,18 @@ class Drawer:
         unit = self.many.unit(factor)
         if isinstance(found, Bars):
             bars(made, found, scale)
-        elif isinstance(found, Points):
-            x, y = self.keys[factor], self.keys[metric]
-            made.scatter(x, y, source=self.source, size=5, **dots(self.many.campaign.rows))
-            told = [("run", "@run"), ("parameter", f"@{x}"), ("metric", f"@{y}")]
+        elif found is None:
+            a, b = self.keys[factor], self.keys[metric]
+            look = {"alpha": 0.8 if self.many.campaign.rows < FEW else 0.45, "selection_alpha": 1.0}
+            # Points that are not selected are faint once some are.
+            made.scatter(a, b, source=self.source, size=5, color=style.CURVES[0], nonselection_alpha=0.08, **look)
+            told = [("run", "@run"), ("parameter", f"@{a}"), ("metric", f"@{b}")]
             made.add_tools(bk.HoverTool(tooltips=told), bk.BoxSelectTool())
         else:
-            density(made, found.x * self.scales[factor][0], found.y * scale, found.counts)
+            x, y = found.x * self.scales[factor][0], found.y * scale
+            box = {"x": x[0], "y": y[0], "dw": x[-1] - x[0], "dh": y[-1] - y[0]}
+            made.image_rgba(image=[colour_counts(found.counts.T)], **box)
+            made.x_range, made.y_range = bk.Range1d(x[0], x[-1]), bk.Range1d(y[0], y[-1])
         if not isinstance(found, Bars) and factor in self.scales:
             unit = self.scales[factor][1]
         for end in self.bounds(metric):
@@ -276,25 +265,12 @@ def bars(made: Any, found: Bars, scale: float) -> None:
     made.x_range = bk.Range1d(float(places.min()) - margin, float(places.max()) + margin)
 
 
-def density(made: Any, x: Any, y: Any, counts: Any) -> None:
-    """How many runs lie where; where none does there is nothing."""
-    box = {"x": x[0], "y": y[0], "dw": x[-1] - x[0], "dh": y[-1] - y[0]}
-    made.image_rgba(image=[colour_counts(counts.T)], **box)
-    made.x_range, made.y_range = bk.Range1d(x[0], x[-1]), bk.Range1d(y[0], y[-1])
-
-
 def bare() -> Any:
     """An empty figure."""
     tools = [bk.BoxZoomTool(), bk.PanTool(), bk.WheelZoomTool(), bk.ResetTool(), bk.SaveTool()]
     made = blank(HEIGHT, tools, toolbar_location="above")
     made.xaxis.ticker.desired_num_ticks = 4
     return made
-
-
-def dots(rows: int) -> dict[str, Any]:
-    """Look of points; those that are not selected are faint once some are."""
-    alpha = 0.8 if rows < FEW else 0.45
-    return {"color": style.CURVES[0], "alpha": alpha, "nonselection_alpha": 0.08, "selection_alpha": 1.0}
 
 
 def line(made: Any, at: float, entry: Entry, dimension: str = "height") -> None:
@@ -339,13 +315,8 @@ def draw_all(many: Many, key: str) -> tuple[dict[str, list[Drawn]], str]:
         ]
         for k, (metric, factors) in enumerate(chosen.items())
     }
-    return rows, note + hint(drawer.found.is_counted)
-
-
-def hint(is_counted: bool) -> str:
-    """What the plots show and how they are read."""
-    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}. "
+    how = "A point is a run; chosen in one plot (box select), it is marked in all of them."
+    how = "Stronger where more runs lie." if drawer.found.is_counted else how
+    bars = f"Where a parameter has at most {summary.MOST_LEVELS} values, each has {RANGE}."
     axes = "Of more than 1000 runs, axes of histograms and counts leave out the outermost 0.1 %; tables do not."
-    if is_counted:
-        return f"Stronger where more runs lie. {bars}{axes}"
-    return f"A point is a run; chosen in one plot (box select), it is marked in all of them. {bars}{axes}"
+    return rows, f"{note}{how} {bars} {axes}"

@@ -37,7 +37,6 @@ def write_report(results: Sequence[str | Path], to: str | Path) -> Path:
     has all that is wrong with them, or tells that bokeh is missing.
     """
     content, to = report(list(map(Path, results))), Path(to)
-    to.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(to, lambda file: print(content, end="", file=file))
     return to
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from gapsense.cosim import Result, Scenario, read_result
 from gapsense.cosim.result.compare import Difference, compare
-from gapsense.cosim.result.sidecar import read_sidecar
 from gapsense.cosim.run.recording import Subject
 from gapsense.cosim.scenario.read import REPORTED, load, other_kind
 from gapsense.problems import InputError
@@ -20,16 +18,6 @@ ALONE = "there is no baseline, and signals are paired by their names."
 
 
 @dataclass(frozen=True)
-class Event:
-    """Something that happened to the run: a fault, a step of a parameter."""
-
-    name: str
-    begin: float  # [s]
-    end: float
-    what: str = ""  # it did to which signal or parameter
-
-
-@dataclass(frozen=True)
 class Shown:
     """A result as a report shows it; `note` says why its scenario is not used, if it is not."""
 
@@ -37,7 +25,6 @@ class Shown:
     result: Result
     scenario: Scenario | None
     note: str
-    events: tuple[Event, ...]
 
     @property
     def is_changed(self) -> bool:
@@ -78,7 +65,7 @@ def read(file: Path, problems: list[str]) -> Shown | Many | None:
         problems.append(f"`{file}`: {error.strerror}. Correct the path; `gapsense run` writes results.")
         return None
     scenario, note = scenario_of(result)
-    return Shown(file=file, result=result, scenario=scenario, note=note, events=events(read_sidecar(file) or {}))
+    return Shown(file=file, result=result, scenario=scenario, note=note)
 
 
 def no_result(file: Path) -> str:
@@ -101,21 +88,6 @@ def scenario_of(result: Result) -> tuple[Scenario | None, str]:
     if now != dict(run.files):
         return None, f"The scenario has changed since it ran: {ALONE}"
     return scenario, ""
-
-
-def events(sidecar: Mapping[str, Any]) -> tuple[Event, ...]:
-    """Events that the side-car of a result tells."""
-    told = sidecar.get("events") or sidecar.get("run", {}).get("events") or ()
-    stop = float(sidecar.get("run", {}).get("stop", 0.0))
-    return tuple(
-        Event(
-            str(e["name"]),
-            float(e["begin"]),
-            float(stop if e.get("end") is None else e["end"]),
-            f"{e.get('action', '')} {e.get('target', '')}".strip(),
-        )
-        for e in told
-    )
 
 
 @dataclass(frozen=True)

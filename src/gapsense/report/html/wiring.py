@@ -126,18 +126,13 @@ def arrange_boxes(
     """
     columns = columns_of(list(heads), wires)
     boxes = {name: Box(name, columns[name], lines) for name, lines in heads.items()}
-    for wire in wires:
-        add(boxes[wire.source[0]].outputs, wire.source[1])
-        add(boxes[wire.target[0]].inputs, wire.target[1])
+    for name, port in dict.fromkeys(wire.source for wire in wires):
+        boxes[name].outputs.append(port)
+    for name, port in dict.fromkeys(wire.target for wire in wires):
+        boxes[name].inputs.append(port)
     ways = [(wire, way(wire, boxes)) for wire in wires]
     stack_boxes(boxes, [names for _, names in ways if names])
     return boxes, ways
-
-
-def add(names: list[str], name: str) -> None:
-    """Put a name into a list that does not have it."""
-    if name not in names:
-        names.append(name)
 
 
 def columns_of(names: Sequence[str], wires: Sequence[Wire]) -> dict[str, int]:
@@ -208,14 +203,14 @@ def centre_columns(columns: Sequence[Sequence[Box]]) -> None:
 def picture(run: Run) -> Picture | None:
     """All components and connections; none where the result does not tell its connections."""
     heads = {name: head(run, k, name) for k, name in enumerate(run.order, 1)}
-    wires = [wire(run, text) for text in run.wires]
-    if not wires:
+    if not (wires := [wire(run, text) for text in run.wires]):
         return None
     boxes, ways = arrange_boxes(heads, wires)
     deepest = max(box.y + box.height for box in boxes.values())
     returns = [w for w, names in ways if not names]
     numbers = {name: k for k, name in enumerate(run.order)}
-    lines = [line(w, names, boxes, numbers, deepest + LANE * (1 + place(w, returns))) for w, names in ways]
+    depths = {w: deepest + LANE * k for k, w in enumerate(dict.fromkeys(returns), 1)}
+    lines = [line(w, names, boxes, numbers, depths.get(w, deepest)) for w, names in ways]
     found = {w.kind for w in wires}
     return Picture(
         width=max(box.x + box.width for box in boxes.values()) + 2 * MARGIN,
@@ -242,11 +237,6 @@ def wire(run: Run, text: str) -> Wire:
     return Wire((source[0], source[1]), (target[0], target[1]), kind)
 
 
-def place(w: Wire, wires: Sequence[Wire]) -> int:
-    """Number of a wire, 0 for one that is not among them."""
-    return wires.index(w) if w in wires else 0
-
-
 def line(w: Wire, names: Sequence[str], boxes: Boxes, numbers: dict[str, int], depth: float) -> Line:
     """A wire with its arrow; one that goes back passes below all boxes."""
     source, target = boxes[w.source[0]], boxes[w.target[0]]
@@ -255,7 +245,7 @@ def line(w: Wire, names: Sequence[str], boxes: Boxes, numbers: dict[str, int], d
     if names:
         path = f"M{x:.1f} {y:.1f}" + through(x, y, [boxes[name] for name in names[1:-1]], end)
     else:
-        path = around(x, y, *end, depth)
+        path = f"M{x:.1f} {y:.1f}H{x + 24:.1f}V{depth:.1f}H{end[0] - 24:.1f}V{end[1]:.1f}H{end[0]:.1f}"
     words = f"{'.'.join(w.source)} to {'.'.join(w.target)}, {KINDS[w.kind]}"
     return Line(kind=w.kind, colour=colour(numbers[w.source[0]]), path=path, end=end, words=words)
 
@@ -273,9 +263,3 @@ def curve(x: float, y: float, to_x: float, to_y: float) -> str:
     """Smooth way to a point, level at both ends."""
     bend = max(24.0, 0.5 * (to_x - x))
     return f"C{x + bend:.1f} {y:.1f} {to_x - bend:.1f} {to_y:.1f} {to_x:.1f} {to_y:.1f}"
-
-
-def around(x: float, y: float, to_x: float, to_y: float, depth: float) -> str:
-    """Way back, below everything."""
-    out, back = x + 24, to_x - 24
-    return f"M{x:.1f} {y:.1f}H{out:.1f}V{depth:.1f}H{back:.1f}V{to_y:.1f}H{to_x:.1f}"

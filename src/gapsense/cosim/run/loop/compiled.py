@@ -19,7 +19,7 @@ from gapsense.cosim.run.part import NOT_FINITE, Advance, Channel, Part, Work, fi
 from gapsense.cosim.run.recording import COMPONENT, MASTER, ROWS, STOP
 from gapsense.cosim.run.recording import STEP as STEP_MARK
 from gapsense.cosim.run.turns import Ramp, Solve, Solver, Turns
-from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, Threshold, reporter
+from gapsense.cosim.scenario.records import ITERATIVE, JACOBI, reporter
 
 __all__ = ["Advance", "Work", "advancer", "language"]
 
@@ -117,7 +117,8 @@ def in_c(work: Work, run: Callable[..., int]) -> Advance:
         for guest in changing:
             renew(guest)
         for place, watch in enumerate(work.watches):
-            loop.watches[place] = condition(watch)
+            state = {"is_above": watch.is_above, "is_on": watch.is_on, "holds": watch.holds}
+            loop.watches[place] = WatchInC(place=watch.place, level=watch.level, **state)
         loop.played, loop.played_from = player.block.ctypes.data, player.begin
         try:
             while cause := run(loop, last):
@@ -215,11 +216,6 @@ def renew(guest: Guest) -> None:
         guest.links[place] = Link(
             target=stage.slot.after, source=stage.source, converts=stage.converts, factor=stage.factor, bias=stage.bias
         )
-
-
-def condition(watch: Threshold) -> Any:
-    """A condition, for C."""
-    return WatchInC(place=watch.place, is_above=watch.is_above, is_on=watch.is_on, holds=watch.holds, level=watch.level)
 
 
 def exchange(part: Part, channels: Sequence[Channel]) -> Any:

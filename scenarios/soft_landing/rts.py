@@ -1,6 +1,6 @@
 """Filter and smoother over a record: a Python function from arrays to the posterior, [RTS], Section III.
 
-For studies and measured data; in a co-simulation the component `Ertss` does the same sample by sample.
+In a co-simulation the component `Ertss` does the same sample by sample.
 """
 
 from __future__ import annotations
