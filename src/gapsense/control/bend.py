@@ -170,7 +170,8 @@ def landing_speed(state: State, par: Parameters) -> Scalar:
     at = state.heard.landing
     speed, noise = _impact(state, at, par)
     core = _core_at(state, at, at, par).speed
-    speed = where(core > SATURATED, speed - core, speed)
+    is_first = state.running.speed >= par.approach_first  # else it would fall back to another first one for ever
+    speed = where(is_first & (core > SATURATED), speed - core, speed)
     usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
     return speed - where(noise > usual, VAGUE * (noise - usual), 0.0)
 
