@@ -74,7 +74,7 @@ class Core(NamedTuple):
     is_known: Scalar  # 1: the core's part is
 
 
-WITH_CONTACT = Bounds(hit=0.4, faint=0.2, latest=0.0, core=0.4, beyond=0.75)
+WITH_CONTACT = Bounds(hit=0.4, faint=0.25, latest=0.0, core=0.4, beyond=0.75)
 ALONE = Bounds(hit=0.55, faint=0.55, latest=1e-3, core=0.6, beyond=0.9)
 
 
@@ -154,7 +154,8 @@ def _faintest(state: State, par: Parameters) -> Scalar:
 
 def is_faint(state: State, par: Parameters) -> Scalar:
     """Whether the bend that is taken for a hit is only one by its reluctance."""
-    _, noise = _impact(state, state.heard.hit, par)
+    running = state.running
+    _, noise = speed_at(state, running.command, state.heard.hit, running.piece, par)
     return state.heard.hardest <= _softest_hit(state, noise, choose_bounds(state).hit)
 
 
