@@ -181,14 +181,16 @@ PROBLEMS = {p.title: p for p in (circuit_and_valve(), *map(two_masses, STIFFNESS
 
 
 def built(problem: Problem, folder: Path) -> dict[str, Path]:
-    """The FMU of each component, which starts with its values."""
+    """The FMU of each component, which starts with its values, in the folder above: built once for all masters."""
     own = {**{p.partition(".")[0]: {} for p in problem.constants}}
     for port, value in problem.constants.items():
         own[port.partition(".")[0]][port.partition(".")[2]] = value
     paths = {}
     for name, (fmu, values) in problem.components.items():
         if fmu in coupled_fmus.MODELS:
-            paths[name] = coupled_fmus.build_one(fmu, folder, 2, {**values, **own.get(name, {})}, name)
+            paths[name] = folder.parent / f"{name}.fmu"
+            if not paths[name].is_file():
+                coupled_fmus.build_one(fmu, folder.parent, 2, {**values, **own.get(name, {})}, name)
         else:
             paths[name] = next(
                 path for kind in ("native", "fmus") if (path := ROOT / "build" / kind / f"{fmu}.fmu").is_file()
@@ -342,10 +344,10 @@ MASTERS: dict[str, Callable[[Problem, Path], Vector]] = {
 # Measure.
 
 
-def measure(master: str, title: str) -> dict[str, Any]:
-    """Error and cost of one run, or why there are none."""
+def measure(master: str, title: str, fmus: str) -> dict[str, Any]:
+    """Error and cost of one run, or why there are none; `fmus` is a folder that the FMUs of the problem share."""
     problem = PROBLEMS[title]
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=fmus) as folder:
         try:
             found = MASTERS[master](problem, Path(folder))
         except FmuError:  # of values that are no longer finite
@@ -361,11 +363,11 @@ def measure(master: str, title: str) -> dict[str, Any]:
     return {"error": error if np.isfinite(error) else None}
 
 
-def apart(master: str, title: str) -> dict[str, Any]:
+def apart(master: str, title: str, fmus: Path) -> dict[str, Any]:
     """The same in a process of its own, with the steps that its FMUs have counted."""
     with tempfile.NamedTemporaryFile("r") as calls:
         environment = {**os.environ, "COUPLED_CALLS": calls.name}
-        command = [sys.executable, __file__, "--one", master, title]
+        command = [sys.executable, __file__, "--one", master, title, fmus]
         done = subprocess.run(command, env=environment, capture_output=True, text=True)
         counted = [int(line) for line in calls.read().split() if int(line)]
     try:
@@ -391,17 +393,22 @@ def cell(found: Mapping[str, Any]) -> str:
 def main() -> None:
     """Print the table: error and steps of each component per communication step."""
     if sys.argv[1:2] == ["--one"]:
-        print(json.dumps(measure(*sys.argv[2:4])), flush=True)
+        print(json.dumps(measure(*sys.argv[2:5])), flush=True)
         return
     titles = list(PROBLEMS) if "--small" not in sys.argv else ["(b) 1e+04"]
     print("| master | " + " | ".join(titles) + " |")
     print("| --- " * (len(titles) + 1) + "|")
     said = []
-    for master in MASTERS:
-        row = {title: apart(master, title) for title in titles}
-        print(f"| {master} | " + " | ".join(map(cell, row.values())) + " |", flush=True)
-        said += [f"{master}, {title}: {found['refused']}" for title, found in row.items() if "refused" in found]
-        said += [f"{master}: `{found['missing']}` is not installed" for found in row.values() if "missing" in found][:1]
+    with tempfile.TemporaryDirectory() as home:
+        folders = {title: Path(home, str(k)) for k, title in enumerate(titles)}
+        for folder in folders.values():
+            folder.mkdir()
+        for master in MASTERS:
+            row = {title: apart(master, title, folder) for title, folder in folders.items()}
+            print(f"| {master} | " + " | ".join(map(cell, row.values())) + " |", flush=True)
+            said += [f"{master}, {title}: {found['refused']}" for title, found in row.items() if "refused" in found]
+            missing = [found["missing"] for found in row.values() if "missing" in found]
+            said += [f"{master}: `{name}` is not installed" for name in missing[:1]]
     print(*said, sep="\n")
 
 

@@ -49,6 +49,7 @@ class Outcome(NamedTuple):
     states: Floats  # (cycles, 2, runs)
     said: Floats  # (cycles, 2, runs)
     mass: Floats  # [kg], (runs,)
+    ordinary: Floats  # impact speeds of ordinary switching, (cycles, 2, runs); of one cycle if no cycle has others
     motions: Mapping[str, Floats]  # of a cycle, (samples, actuators) [m]
 
 
@@ -83,8 +84,10 @@ def outcome(law: str, condition: Condition, seed: int, runs: range, cycles: int)
         if shown and k in {*AT, cycles - 1}:
             motions[str(k)] = cycle.position[::every, :shown].copy()
     mass = np.broadcast_to(loop.par["plant.mover_mass"][0], len(runs))
-    numbers = (np.array(column) for column in zip(*rows))
-    return Outcome._make([*numbers, mass, motions])
+    numbers = [np.array(column) for column in zip(*rows)]
+    is_other = law != "ordinary" and bool(condition.drift or condition.step)
+    ordinary = outcome("ordinary", condition, seed, runs, cycles).speeds if is_other else numbers[0][:1]
+    return Outcome._make([*numbers, mass, ordinary, motions])
 
 
 def gone(law: str, loop: Loop, condition: Condition, runs: int, cycles: int) -> Iterator[Cycle]:

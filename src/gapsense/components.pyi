@@ -1316,7 +1316,7 @@ class Mhe(Runnable):
     option_zero : bool, by default False
         The current that is left after `window.tail` without voltage is an offset.
     option_ahead : bool, by default False
-        Rest and damping that change steadily are expected to go on doing so.
+        R, rest and damping that change steadily are expected to go on doing so.
     noise_voltage : float [V], at least 0, by default 0.03
         Standard deviation of the voltage noise.
     model_error : float [A], at least 0, by default 0.001

@@ -336,7 +336,8 @@ def fem(
     models = show.make_models(points, number, float(given["stop.lower"]), float(given["stop.upper"]))
     tuning, told = show.windows(models, given, supply)
     losses = untold_losses(number, models.reduced.saturation, {*known} - {*marked})
-    tuning = show.drop_given({**losses, **tuning}, known, marked)
+    every = {**losses, **tuning}  # what was assumed before is made anew
+    tuning = {name: value for name, value in every.items() if name not in known or name in marked}
     assumed = [*dict.fromkeys((*assumed, *(name for name in GUESSED if name in tuning)))]
     shown = [*show.fem_tables(models), *told, *show.beyond(points, given, assumed), *meanings(assumed)]
     wrong = show.doubts(models)

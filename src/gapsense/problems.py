@@ -86,8 +86,8 @@ def number_of(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def format_limits(low: float | None, high: float | None, form: str = "g") -> str:
-    """Write limits in words, each with a format; nothing without any."""
+def format_limits(low: float | str | None, high: float | str | None, form: str = "g") -> str:
+    """Write limits in words, each with a format, of texts the empty one; nothing without any."""
     if low is None:
         return "" if high is None else f"at most {high:{form}}"
     return f"at least {low:{form}}" if high is None else f"{low:{form}} to {high:{form}}"

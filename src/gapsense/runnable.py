@@ -202,8 +202,7 @@ class Runnable:
         if unknown := [name for name in wanted if name not in every]:
             raise ValueError(f"`{unknown[0]}` is not an output of {self.ports.name}. {suggest(unknown[0], every)}")
         chosen = [every.index(name) for name in wanted]
-        data = self._in_c(flat, chosen, values, start_time, step)
-        if data is None:
+        if (data := self._in_c(flat, chosen, values, start_time, step)) is None:
             data = np.stack([self._in_python(flat, k, values, start_time, step)[chosen] for k in range(shape[0])])
         found = {name: data[0, k] if is_single else data[:, k] for k, name in enumerate(wanted)}
         units = {port.name: port.unit for port in self.ports.of("output") if port.name in wanted}

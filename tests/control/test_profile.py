@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gapsense.control.mover import balance, make_mover, move, squares, start_at_rest
-from gapsense.control.profile import FROM, Operation, arrival, flux, is_planned, path, stops
+from gapsense.control.profile import FROM, Deviation, Operation, _beside, arrival, flux, is_planned, path, stops
 
 MOVER = make_mover(parameters())
 PLANS = st.builds(
@@ -20,6 +20,7 @@ PLANS = st.builds(
     distance=st.floats(20e-6, 150e-6),
     speed=st.floats(0.06, 0.4),
     start=st.floats(0.0, 12e-3),
+    deviation=st.just(Deviation()),
 )
 SHORT = 1e-7  # s
 
@@ -52,6 +53,23 @@ def test_velocity_and_acceleration_are_derivatives(plan, share):
     before, at, after = (path(tau + k * SHORT, plan, MOVER) for k in (-1, 0, 1))
     assert (after.position - before.position) / (2 * SHORT) == pytest.approx(at.velocity, abs=1e-5)
     assert (after.velocity - before.velocity) / (2 * SHORT) == pytest.approx(at.acceleration, abs=0.5)
+
+
+@given(PLANS, st.floats(0.05, 0.6), st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(0.01, 0.99))
+def test_deviation_from_the_path_begins_where_the_mover_is_and_ends_with_the_travel(plan, since, off, share):
+    deviation = Deviation(since * plan.travel, 50e-6 * off[0], 0.1 * off[1], 50.0 * off[2])
+    plan = plan._replace(deviation=deviation)
+
+    def beside(tau):
+        on = path(tau, plan, MOVER)
+        return [there - here for there, here in zip(_beside(on, tau, plan), on)]
+
+    assert beside(deviation.since) == pytest.approx(list(deviation[1:]), abs=1e-12)
+    assert beside(plan.travel) == pytest.approx([0.0] * 3, abs=1e-9)
+    tau = deviation.since + share * (plan.travel - deviation.since)
+    before, at, after = (beside(tau + k * SHORT) for k in (-1, 0, 1))
+    assert (after[0] - before[0]) / (2 * SHORT) == pytest.approx(at[1], abs=1e-5)
+    assert (after[1] - before[1]) / (2 * SHORT) == pytest.approx(at[2], abs=0.5)
 
 
 @given(PLANS)

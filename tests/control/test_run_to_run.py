@@ -184,15 +184,18 @@ def test_contact_that_is_never_seen_is_told():
 
 
 @pytest.mark.parametrize(
-    ("misfit", "told", "change"), [(0.5, 0.4e-3, 0.4e-3), (0.5, -5e-3, -1e-3), (3.5, 0.4e-3, 0.0), (20.0, -5e-3, 0.0)]
+    ("misfit", "told", "change"),
+    [(0.5, 0.4e-3, 0.4e-3), (0.5, -0.9e-3, -0.9e-3), (0.5, -5e-3, 0.0), (3.5, 0.4e-3, 0.0), (20.0, -5e-3, 0.0)],
 )
 def test_opening_begins_with_the_flux_linkage_of_an_estimator_in_its_senses(misfit, told, change):
-    """One that has explained its last window, and no farther off than the loop can be."""
+    """One that has explained its last window; the one of a mover elsewhere is farther off than the loop's can be."""
     par, given = PAR._replace(law=1.0), {"voltage": 10.0, "current": 0.2}
     _, before = run(HIGH, par, **given)
     flux = before.coil.flux + (10.0 - PAR.coil_resistance * 0.2) * PAR.sample_time
     _, found = run([0.0], par, since=before, first=99, estimated_flux_linkage=flux + told, misfit=misfit, **given)
     assert found.coil.flux == pytest.approx(flux + change, abs=1e-9)
+    begins = told if abs(told) < 1e-3 else 0.0
+    assert found.running.start_flux == pytest.approx(flux + begins, abs=1e-9)
 
 
 def test_estimator_that_says_nothing_is_told_and_cycles_stay_ordinary():

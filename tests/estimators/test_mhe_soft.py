@@ -159,33 +159,42 @@ def test_it_begins_again_after_two_windows_that_nothing_explains(further: float,
 
 
 def test_what_changes_steadily_is_expected_to_go_on() -> None:
-    """Rest and damping, beyond what may be noise, and less surely; a change at once is none; only where it is asked."""
+    """R, rest and damping, beyond what may be noise; rest and damping less surely, and later; only where asked."""
     c, par = kernel(), blind(option_further=1.0, option_ahead=1.0)
     c.call("initial", (0.0, 0.0, 0.0, 0.0), par)
     work = state_of(c).work
-    change, learnt = np.where(np.arange(window.N) >= 7, -0.01, 0.0), work.learnt._replace(explained=solve.SETTLES)
+    change = np.where(np.arange(window.N) >= 7, -0.01, 0.0)
+    change[0] = 0.003
+    learnt = work.learnt._replace(explained=solve.SETTLES)
+    trends, fields = ("resistance_trend", "rest_trend", "damping_trend"), [0, 7, 8]
+
+    def trends_of(told: window.Learnt) -> list[float]:
+        return [getattr(told, name) for name in trends]
+
     for steps in (change, 0.05 * change):
         told = learnt
         for _ in range(100):
             step = np.zeros(window.N)
-            step[[7, 8]] = solve._expected_change((told.rest_trend, told.damping_trend))
-            rest, damping = solve._trends(told, steps - step, 1.0, par)
-            told = told._replace(rest_trend=rest, damping_trend=damping)
-        found = solve._expected_change((told.rest_trend, told.damping_trend))
-        wanted = [-0.006 + 0.0006, -0.01 + 0.0016] if steps is change else [0.0, 0.0]  # rest: no more than counts
-        assert found == pytest.approx(wanted, rel=1e-3, abs=1e-12)
-        assert solve._trends(told, 5.0 * change, 1.0, par) == [0.0, 0.0]
-        assert solve._trends(told, change, 0.0, par) == [told.rest_trend, told.damping_trend]
-    assert solve._trends(learnt, change, 1.0, blind(option_further=1.0)) == [0.0, 0.0]
+            step[fields] = solve._expected_change(trends_of(told))
+            told = told._replace(**dict(zip(trends, solve._trends(told, steps - step, 1.0, par))))
+        found = solve._expected_change(trends_of(told))
+        wanted = [0.003 - 0.0004, -0.006 + 0.0006, -0.01 + 0.0016]  # rest: no more than counts
+        assert found == pytest.approx(wanted if steps is change else [0.0] * 3, rel=1e-3, abs=1e-12)
+        assert solve._trends(told, 5.0 * change, 1.0, par) == [0.0] * 3  # a change at once is none
+        assert solve._trends(told, change, 0.0, par) == trends_of(told)
+    assert solve._trends(learnt, change, 1.0, blind(option_further=1.0)) == [0.0] * 3
+    young = solve._trends(learnt._replace(explained=window.PROVEN), change, 1.0, par)
+    assert young[0] > 0.0 and young[1:] == [0.0] * 2
 
     inverse = [-1e-8 * (i == j) for i, j in window.PAIRS]
     work = work._replace(fit=work.fit._replace(inverse=inverse), walk=work.walk._replace(takeoff=9.0))
-    steady = learnt._replace(rest_trend=-0.006, damping_trend=-0.01)
+    steady = learnt._replace(resistance_trend=0.003, rest_trend=-0.006, damping_trend=-0.01)
     usual, after = (solve._learn(deepcopy(work)._replace(learnt=those), 0.5, par).fit for those in (learnt, steady))
     ahead = np.subtract(after.q, usual.q)
-    assert ahead[7] < -0.004 and ahead[8] < -0.007 and np.all(np.delete(ahead, [7, 8]) == 0.0)
-    wider = [window.get_matrix(fit.inverse)[8, 8] for fit in (after, usual)]
+    assert ahead[0] > 0.002 and ahead[7] < -0.004 and ahead[8] < -0.007 and np.all(np.delete(ahead, fields) == 0.0)
+    wider, own = ([window.get_matrix(fit.inverse)[k, k] for fit in (after, usual)] for k in (8, 0))
     assert wider[0] == pytest.approx(np.square(solve.ABOUT * ahead[8]), rel=0.01) and wider[0] > 10.0 * wider[1]
+    assert own[0] == own[1]
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ if __name__ == "__main__" or TYPE_CHECKING:
     from fmu_host import LOG, FMICallException, Fmu, Instance, attempt
 
 ROOT = Path(__file__).resolve().parents[2]
-STEPS = 300
+STEPS = 200
 LONG = 5000  # steps of an experiment
 IMPORTS = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import fmu_host"
 RUN = f"import runpy; runpy.run_path({__file__!r}, run_name='__main__')"

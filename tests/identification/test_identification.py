@@ -12,8 +12,8 @@ from gapsense.identification.least_squares import long_run, square
 from gapsense.identification.valve.driver import read_driver
 from gapsense.identification.valve.errors import uncertainty
 from gapsense.identification.valve.fit import POOR, fit_valve
-from gapsense.identification.valve.form import FITTED, Form
-from gapsense.identification.valve.minimise import Fit, search
+from gapsense.identification.valve.form import FITTED, Form, Sought, larger
+from gapsense.identification.valve.minimise import NEAR, Fit, Weighted, minimise_together, search
 from gapsense.identification.valve.model import (
     balance,
     first_operation,
@@ -125,6 +125,17 @@ def test_bad_minimum_is_rejected_by_its_cost():
     costs = sorted(s.cost for s in starts)
     assert costs[0] <= square(residuals(Form(far), [alone], [experiment])[0]) + 1e-12
     assert costs[0] < 1e-3
+
+
+def test_minima_that_are_sought_together_have_the_bits_that_they_have_alone():
+    """Two forms with the same model, one with another, and one from two starts."""
+    firsts, plain = [first_operation(prepare(record(seed=1))[0])], Form(GUESS)
+    eddy, fringing = larger(plain, Sought(("eddy", "fringing")))
+    forms = (plain, fringing, eddy, eddy)
+    starts = [np.full(form.start.size, 0.05 * k) for k, form in enumerate(forms)]
+    found = minimise_together([Weighted(form, firsts) for form in forms], starts, NEAR)
+    for form, start, end in zip(forms, starts, found):
+        np.testing.assert_array_equal(end.point, Fit(form).least_squares(start, firsts, NEAR))
 
 
 def test_validation_on_another_drive_has_only_noise_left():

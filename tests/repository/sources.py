@@ -40,8 +40,13 @@ def nodes(path: Path) -> tuple[ast.AST, ...]:
     return tuple(ast.walk(tree(path)))
 
 
-def texts() -> Iterator[Path]:
+@cache
+def texts() -> tuple[Path, ...]:
     """All text files that belong to the repository; nothing that was built, cached or installed."""
+    return (*_texts(),)
+
+
+def _texts() -> Iterator[Path]:
     yield from (
         p
         for p in sorted(ROOT.iterdir())
@@ -50,7 +55,7 @@ def texts() -> Iterator[Path]:
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).rglob("*")):
             is_made = any(part == "__pycache__" or part.endswith(".egg-info") for part in path.parts)
-            if path.is_file() and path.suffix in TEXT and not is_made:
+            if path.suffix in TEXT and not is_made and path.is_file():
                 yield path
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import runpy
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -107,7 +108,8 @@ def test_targets_of_make_that_the_readme_names_exist():
 
 def test_variants_and_scenarios_of_the_readme_exist():
     scenario = tomllib.loads((ROOT / "scenarios" / "semera_valve" / "scenario.toml").read_text("utf-8"))
-    assert set(re.findall(r"--variant (\w+)", PAGE_OF_SEMERA)) == set(scenario["variants"])
+    table = PAGE_OF_SEMERA.partition("| `--variant` |")[2].partition("\n\n")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == set(scenario["variants"])
     assert all(
         (ROOT / path / "scenario.toml").is_file() for path in re.findall(r"scenarios/\w+", README + CONTRIBUTING)
     )
@@ -167,15 +169,19 @@ def test_anchors_are_found_and_wrong_ones_are_not():
     assert anchors(text) == {"what-it-is-a_b", "twice", "twice_1", "twice-1"}
 
 
+@cache
+def files():
+    """Files of the repository, and those that commands write."""
+    known = {path.relative_to(ROOT).as_posix() for path in (*texts(), *PYTHON)}
+    return known | {path.name for path in (ROOT / "records").iterdir()} | written_by_commands()
+
+
 @pytest.mark.parametrize(
     "page", PAGES[:2] + [p for p in PAGES if p.parent == ROOT / "docs"], ids=lambda page: page.name
 )
 def test_files_that_a_page_names_exist(page):
     text = page.read_text(encoding="utf-8")
-    known = {path.relative_to(ROOT).as_posix() for path in (*texts(), *PYTHON)}
-    known |= {path.name for path in (ROOT / "records").iterdir()}
-    known |= written_by_commands()
-    known |= set(re.findall(r"<!-- file: (\S+) -->", text))  # that the reader writes
+    known = files() | {*re.findall(r"<!-- file: (\S+) -->", text)}  # that the reader writes
     for span in re.findall(r"`([^`\n]+)`", text):
         name = span.split()[-1]
         if re.fullmatch(r"[\w./-]+\.(py|md|toml|txt|c|h)", name):

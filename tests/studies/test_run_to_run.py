@@ -381,7 +381,8 @@ def made(speeds, runs=4):
     shape = (len(speeds), runs)
     both = np.repeat(np.asarray(speeds, float)[:, None, None], 2, axis=1) * np.ones((1, 1, runs))
     quiet = np.zeros(both.shape)
-    return Outcome(both, np.ones(shape), np.zeros(shape), np.zeros(shape), quiet + 2.0, quiet, np.full(runs, 2e-3), {})
+    said = np.zeros(shape), quiet + 2.0, quiet
+    return Outcome(both, np.ones(shape), np.zeros(shape), *said, np.full(runs, 2e-3), both[:1].copy(), {})
 
 
 def test_measures():
@@ -410,8 +411,21 @@ def test_what_was_noticed_is_counted_by_operation():
     speeds[20:22, 0] = 1.2
     said[30, 0] = 128.0  # of the soft opening before
     assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (4, 1, 2, 72 - 5, 1, 1)
-    speeds[0, :, 0] = NEVER, 0.05  # an opening from between the stops is no ordinary one
-    assert noticed(quiet._replace(speeds=speeds, states=states, said=said)) == (4, 1, 2, 72 - 5, 1, 0)
+    louder = np.repeat(quiet.ordinary, 40, axis=0)
+    louder[20, 0] = 1.15  # ordinary switching is as hard in that cycle
+    same = quiet._replace(speeds=speeds, states=states, said=said)
+    assert noticed(same._replace(ordinary=louder)) == (4, 1, 2, 72 - 5, 1, 0)
+    floating = np.reshape([NEVER, 0.05], (1, 2, 1))  # an opening from between the stops is no ordinary one
+    assert noticed(same._replace(ordinary=floating)) == (4, 1, 2, 72 - 5, 1, 0)
+
+
+def test_ordinary_switching_is_as_hard_as_in_the_same_cycle():
+    """Where a coil cools ordinary closings get harder."""
+    cold = CONDITIONS["warm-fast"]._replace(drift={"coil_resistance": 0.7})
+    found = outcome("contact", cold, 5, range(2), 3)
+    np.testing.assert_array_equal(found.ordinary, outcome("ordinary", cold, 5, range(2), 3).speeds)
+    assert np.all(found.ordinary[2, 0] > 1.05 * found.ordinary[0, 0])
+    assert outcome("contact", CONDITIONS["plain"], 5, range(2), 3).ordinary.shape == (1, 2, 2)
 
 
 def test_speeds_of_soft_operations_leave_out_ordinary_ones_and_what_was_not_yet_learnt():

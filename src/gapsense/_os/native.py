@@ -125,8 +125,7 @@ class Library:
             found.append(f"`{binary}` is not up to date with its sources and options. {again}")
         if sys.platform == "linux" and platform.machine() == "x86_64":
             library = ctypes.CDLL(str(binary))
-            missing = [name for name in self.exports if not hasattr(library, name)]
-            if missing:
+            if missing := [name for name in self.exports if not hasattr(library, name)]:
                 found.append(f"`{binary}` does not export {', '.join(missing)}. {again}")
         return found
 

@@ -78,8 +78,7 @@ def work(executor: Executor, numbers: Iterable[int], count: int, keep: Callable[
             if count:
                 executor.start(pending, answers)
             while count > 0:
-                came = wait_for_answers(answers, executor.look, interrupts)
-                if not came:
+                if not (came := wait_for_answers(answers, executor.look, interrupts)):
                     return True
                 keep(came)
                 count -= len(came)

@@ -14,7 +14,7 @@ from gapsense.control.coil import AVERAGED, is_quiet, open_flux, usual_current, 
 from gapsense.control.mover import balance, gap_slopes, make_mover
 from gapsense.control.profile import Operation, arrival, path, stops
 from gapsense.control.records import CLOSING, LONGEST, PIECES, Heard, Parameters, Running, State
-from gapsense.control.tracking import place, plan_operation
+from gapsense.control.tracking import place, running_plan
 from gapsense.estimators.mhe.model import gap
 from gapsense.kernels.layout import Scalar
 from gapsense.kernels.trace import clip, cond, floor, load, not_, sqrt, square, where, where_each
@@ -181,11 +181,6 @@ def _impact(state: State, at: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
     """Speed of the operation under way that its stop took at a sample, and its error by noise [m/s]."""
     speed, noise = speed_at(state, state.running.command, at, state.running.piece, par)
     return speed - _planned_braking(state.running, at, par), noise
-
-
-def running_plan(running: Running, par: Parameters) -> Operation:
-    """The plan of the operation that goes on, its lead apart."""
-    return plan_operation(running.command, running.speed, running.travel, 0.0, par)
 
 
 def _planned_braking(running: Running, at: Scalar, par: Parameters) -> Scalar:

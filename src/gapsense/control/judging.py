@@ -9,7 +9,6 @@ from gapsense.control.bend import (
     is_of_core,
     landing_speed,
     moved_earlier,
-    running_plan,
     tell_afloat,
     tell_arrival,
 )
@@ -17,7 +16,7 @@ from gapsense.control.coil import is_quiet, left_open, raise_hold, steadied_erro
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
 from gapsense.control.records import CLOSING, NOTHING, OPENING, Heard, Inputs, Law, Parameters, State
-from gapsense.control.tracking import is_after, plan_operation
+from gapsense.control.tracking import is_after, plan_operation, running_plan
 from gapsense.kernels.layout import Array, Scalar
 from gapsense.kernels.linalg import total
 from gapsense.kernels.trace import cond, fabs, not_, sqrt, where
@@ -241,7 +240,7 @@ def _judge_window(state: State, half: Scalar, start: Scalar, length: Scalar, inp
 def _ease_opening(known: Array, half: Scalar, landing: Scalar, is_timed: Scalar, par: Parameters) -> Array:
     """Learn from a slow opening whose landing is told; a half bridge cannot pull its flux linkage down."""
     law = laws.read(known, half)
-    plan = plan_operation(half, law.speed, law.travel, 0.0, par)
+    plan = plan_operation(half, law.speed, law.travel, 0.0, par)._replace(lead=law.lead)
     is_told = is_timed & (half < 0.5) & (law.was_plain < 1.0) & (law.speed < SLOW * par.approach_least)
     is_told = is_told & (par.voltage_least < 0.0)
     return laws.write(known, half, laws.ease_opening(law, is_told, landing - plan.lead - arrival(plan)))
@@ -278,7 +277,8 @@ def _slowest(state: State, par: Parameters) -> Scalar:
 def _judge_landing(state: State, half: Scalar, has_landed: Scalar, landing: Scalar, par: Parameters) -> State:
     """Draw the consequences of a landing, or of none: the next approach, a stronger hold."""
     law = laws.read(state.laws, half)
-    plan, is_plain = plan_operation(half, law.speed, law.travel, 0.0, par), law.was_plain > 0.0
+    plan = plan_operation(half, law.speed, law.travel, 0.0, par)._replace(lead=law.lead)
+    is_plain = law.was_plain > 0.0
     after = where(is_plain, 0.0, landing - plan.lead - arrival(plan))
     first = where(half > 0.5, par.closing_travel, par.opening_travel)
     is_late = laws.is_late(has_landed, after, first, state.running.averaged > 0.0)

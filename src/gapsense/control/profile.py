@@ -2,7 +2,7 @@
 
 The path of an operation ends at a distance d of the stop with the approach speed v, and goes on with that speed.  A
 mover that is to arrive needs more pull than the path says: the flux linkage is biased at its end, and more and more
-where the mover is late.
+where the mover is late.  A mover that the voltage has left beside the path returns to it until its travel ends.
 """
 
 from __future__ import annotations
@@ -21,6 +21,15 @@ SLOWEST = 0.05  # approach speed by which an arrival is expected at the latest [
 LEAST = 1e-6  # square of a flux linkage [Wb^2]
 
 
+class Deviation(NamedTuple):
+    """Where the mover was beside the path, a time after its take-off."""
+
+    since: Scalar = 0.0  # 0: nowhere [s]
+    position: Scalar = 0.0
+    velocity: Scalar = 0.0
+    acceleration: Scalar = 0.0
+
+
 class Operation(NamedTuple):
     """An operation that is planned; its time begins with the command."""
 
@@ -31,6 +40,7 @@ class Operation(NamedTuple):
     distance: Scalar  # d [m]
     speed: Scalar  # v [m/s]
     start: Scalar  # flux linkage at its start [Wb]
+    deviation: Deviation = Deviation()
 
 
 class Place(NamedTuple):
@@ -88,9 +98,25 @@ def _leading(time: Scalar, plan: Operation, m: Mover) -> Scalar:
 
 
 def _moving(tau: Scalar, plan: Operation, m: Mover) -> Scalar:
-    at = path(tau, plan, m)
+    on = path(tau, plan, m)
+    at = cond(plan.deviation.since > 0.0, lambda: _beside(on, tau, plan), lambda: on)
     late = clip((tau - arrival(plan)) / MILLISECOND, 0.0, PULLED)
     sign = where(plan.is_closing, 1.0, -1.0)
     bias = where(tau > FROM * plan.travel, BIAS, 0.0)
     squared = squared_flux(*at, m) * (1.0 + sign * PULL * late) * (1.0 + sign * bias)
     return sqrt(where(squared > LEAST, squared, LEAST))
+
+
+def _beside(on: Place, tau: Scalar, plan: Operation) -> Place:
+    """The place beside one on the path: a deviation ends with the travel, smoothly."""
+    since, y, v, a = plan.deviation
+    T = plan.travel - since
+    x = clip((tau - since) / T, 0.0, 1.0)
+    rest, by_v, by_a = 1.0 - x, v * T, 0.5 * a * T * T
+    place = y * (1.0 - x * x * x * (10.0 - x * (15.0 - 6.0 * x)))
+    place = place + by_v * (x * (1.0 - x * x * (6.0 - x * (8.0 - 3.0 * x)))) + by_a * (x * x * rest * rest * rest)
+    speed = by_v * (1.0 - x * x * (18.0 - x * (32.0 - 15.0 * x))) - y * (30.0 * x * x * rest * rest)
+    speed = speed + by_a * (x * (2.0 - x * (9.0 - x * (12.0 - 5.0 * x))))
+    change = by_a * (2.0 - x * (18.0 - x * (36.0 - 20.0 * x))) - by_v * (x * (36.0 - x * (96.0 - 60.0 * x)))
+    change = where(x < 1.0, change - y * (60.0 * x * rest * (1.0 - 2.0 * x)), 0.0)
+    return Place(on.position + place, on.velocity + speed / T, on.acceleration + change / (T * T))

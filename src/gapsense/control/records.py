@@ -162,6 +162,7 @@ class Law(NamedTuple):
     trend: Annotated[Array, Vector(4)]  # change of a, b, q, r from operation to operation
     speed: Scalar  # of the next approach [m/s]
     floor: Scalar  # below which that does not come [m/s]
+    lead: Scalar  # of the last one, with what it has waited [s]
     travel: Scalar  # [s]
     missed: Scalar  # operations in a row that did not arrive
     length: Scalar  # samples of the last one
@@ -185,11 +186,18 @@ class Running(NamedTuple):
     is_plain: Scalar  # ordinary voltages
     start_flux: Scalar  # where the profile begins [Wb]
     speed: Scalar
+    lead: Scalar  # with what its plan has waited for the voltage [s]
     travel: Scalar
     learnt: Annotated[Array, Vector(9)]  # factor, bend, rest, mass, damping, a, b, q, r of its mover
     balance_flux: Scalar  # of the spring where it begins [Wb]
     wanted: Scalar  # flux linkage that the profile wants now, or 0 [Wb]
     limited: Scalar  # samples of the motion at a limit of the voltage
+    unfollowed: Scalar  # of these those in which the plan was not made anew
+    position: Scalar  # of the mover that is believed, if the plan may wait for it [m]
+    velocity: Scalar  # [m/s]
+    behind: Scalar  # by which it is behind its path [m]
+    deviates: Scalar  # 1: from the next sample on its path begins where it is
+    deviation: Annotated[Array, Vector(4)]  # a `Deviation`
     since_limit: Scalar  # samples since the last one
     piece: Annotated[Scalar, Whole(0, PIECES)]  # samples of half of the time in which a slope of the current is taken
     due: Annotated[Scalar, Count]  # sample at which the mover is to have arrived

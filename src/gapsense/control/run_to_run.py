@@ -68,13 +68,13 @@ from gapsense.control.tracking import expected_current, is_late, mover_of, nomin
 from gapsense.estimators.readings import can_be_read
 from gapsense.kernels.layout import Array, Scalar, blank
 from gapsense.kernels.linalg import total, vector
-from gapsense.kernels.trace import clip, cond, fabs, not_, sqrt, where, where_each
+from gapsense.kernels.trace import cond, fabs, not_, sqrt, where, where_each
 
 UNEXPLAINED = Noted._fields.index("unexplained")
 ROW = 1.0  # openings in a row that did not arrive, the last of which an estimator has not judged yet
 HARD_ROW = 3.0  # hard impacts, although a contact was listened to
 EXPLAINED = 2.0  # operations in a row that an estimator has to explain well before it is followed
-FARTHEST = 1e-3  # by which an estimator's flux linkage changes that of the loop [Wb]
+FARTHEST = 1e-3  # from that of the loop: an estimator's flux linkage is that of a mover elsewhere [Wb]
 OFFSET = 0.004  # of the usual current: an ordinary cycle was learnt with a zero that was wrong by more
 SHIFTED = 0.005  # of the largest voltage: the same for the zero of the voltage
 PATIENT = 8.0  # cycles after which an estimator is to be followed
@@ -98,12 +98,12 @@ def turn_operation(state: State, inputs: Inputs, par: Parameters) -> State:
 def _end_operation(state: State, correction: Scalar, inputs: Inputs, par: Parameters) -> State:
     """Keep what an operation leaves; `correction` is the change of the resistance of its samples."""
     running, half, known = state.running, state.running.command, state.laws
-    law = laws.read(known, half)._replace(length=running.age)
+    law = laws.read(known, half)._replace(length=running.age, lead=running.lead)
     first = where(half > 0.0, par.closing_travel, par.opening_travel)
     is_warm = running.strain > WARM
     is_limited, is_told = running.limited > laws.LIMITED, running.limited > TOLD
     law = law._replace(travel=where(is_limited, laws.stretch_travel(law, first), law.travel))
-    is_followed = running.limited * par.sample_time < laws.UNFOLLOWED * law.travel
+    is_followed = running.unfollowed * par.sample_time < laws.UNFOLLOWED * law.travel
     law = law._replace(was_followed=where(is_followed, 1.0, 0.0))
     noted = state.noted._replace(
         too_fast=where(is_told & not_(is_warm), 1.0, state.noted.too_fast),
@@ -130,8 +130,9 @@ def _end_closing(state: State, inputs: Inputs, par: Parameters) -> State:
 def _opening(state: State, is_plain: Scalar, inputs: Inputs, par: Parameters) -> Coil:
     """Flux linkage with which an opening begins: a mean of the last ones, or that of a credible estimator."""
     coil, by_contact = state.coil, state.by_model < 1.0
-    off = clip(inputs.estimated_flux_linkage - coil.flux, -FARTHEST, FARTHEST)
-    told = shift_flux(coil, where(by_contact | (inputs.misfit >= GOOD), 0.0, off))
+    off = inputs.estimated_flux_linkage - coil.flux
+    is_credible = not_(by_contact) & (inputs.misfit < GOOD) & (fabs(off) < FARTHEST)
+    told = shift_flux(coil, where(is_credible, off, 0.0))
     return cond(by_contact & not_(is_plain), lambda: average_top(coil, state.running.averaged > 0.0, par), lambda: told)
 
 
@@ -149,8 +150,11 @@ def _begin_first_cycle(state: State, par: Parameters) -> State:
 def _forget_operations(state: State, missed: Scalar, par: Parameters) -> State:
     """Forget both operations; with one missed, the next ones are ordinary if none was soft yet."""
     known = state.laws
-    for half, travel in ((CLOSING, par.closing_travel), (OPENING, par.opening_travel)):
-        known = laws.write(known, half, laws.first(travel, state.by_model, par)._replace(missed=missed))
+    for half, lead, travel in (
+        (CLOSING, par.closing_lead, par.closing_travel),
+        (OPENING, par.opening_lead, par.opening_travel),
+    ):
+        known = laws.write(known, half, laws.first(travel, state.by_model, par)._replace(lead=lead, missed=missed))
     return state._replace(laws=known, course=state.course._replace(last=-1.0))
 
 
@@ -231,7 +235,8 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
     learnt = vector([*_learnt(state, inputs, par), *law.mean])
     m = mover_of(learnt, par)
     z0, _ = stops(is_closing, m)
-    start = where(by_contact, state.coil.flux, inputs.estimated_flux_linkage)
+    is_far = fabs(inputs.estimated_flux_linkage - state.coil.flux) >= FARTHEST
+    start = where(by_contact | is_far, state.coil.flux, inputs.estimated_flux_linkage)
     is_there = by_contact & (inputs.mode == where(is_closing, LOWER, UPPER))  # the last one did not move it
     is_plain = is_plain | is_there | (state.alarm > 0.0)
     plan = plan_operation(half, law.speed, law.travel, 0.0, par)
@@ -250,6 +255,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
             is_plain=where(is_plain, 1.0, 0.0),
             start_flux=start,
             speed=law.speed,
+            lead=plan.lead,
             travel=law.travel,
             learnt=learnt,
             balance_flux=balance_flux,
@@ -320,6 +326,7 @@ def _first(par: Parameters) -> Running:
         command=OPENING,
         is_plain=1.0,
         speed=par.approach_first,
+        lead=par.opening_lead,
         travel=par.opening_travel,
         learnt=vector([*nominal_mover(par), 0.0, 0.0, 0.0, 0.0]),
         piece=piece(0.0, par),
@@ -351,7 +358,7 @@ def step(state: State, inputs: Inputs, par: Parameters) -> tuple[State, Outputs]
 
     def steady() -> Coil:
         time, is_noisy = running.age * par.sample_time, _is_noisy(state, par, PART)
-        is_ending = (running.command < 0.5) & (time > par.opening_lead + ENDING * running.travel)
+        is_ending = (running.command < 0.5) & (time > running.lead + ENDING * running.travel)
         return steady_flux(coil, inputs, time, running.drawn_before, is_noisy, is_ending, par)
 
     coil = cond(state.by_model > 0.0, steady, lambda: coil)

@@ -795,13 +795,11 @@ def parameter(name: str, descriptions: Descriptions) -> Variable | None:
 
 def check_window(metric: Metric, scenario: Scenario) -> Iterator[str]:
     """Problem of a metric that would have no samples, whatever its signals are."""
-    component = scenario.components.get(metric.signal.partition(".")[0])
-    if component is None:
+    if (component := scenario.components.get(metric.signal.partition(".")[0])) is None:
         return
     place = f"metrics.{metric.name}"
     decimation, experiment = scenario.record.decimation, scenario.experiment
-    first = first_row(component, decimation)
-    if first is None:
+    if (first := first_row(component, decimation)) is None:
         yield (
             f"{place}: `{component.name}` never steps at a recorded row: its step is {component.step}, its "
             f"offset {component.offset}, and `record.decimation` {decimation} base steps. Change one of them."

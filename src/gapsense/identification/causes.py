@@ -111,7 +111,9 @@ def delay_voltage(s: Signals, value: float) -> Signals:
 
 def series(s: Signals, value: float) -> Signals:
     """A resistance in series takes its part of the voltage while this is on."""
-    return s._replace(halves=s.halves - np.where(is_on(s), value * _current_of_halves(s.current), 0.0))
+    before = np.concatenate((s.current[:1], s.current[:-1]))
+    of_halves = np.stack((0.75 * before + 0.25 * s.current, 0.25 * before + 0.75 * s.current), axis=1)
+    return s._replace(halves=s.halves - np.where(is_on(s), value * of_halves, 0.0))
 
 
 def drop(s: Signals, value: float) -> Signals:
@@ -167,11 +169,6 @@ def shift_pwm_mean(s: Signals, value: float) -> Signals:
     """Shift the mean of PWM from its samples by so many volts."""
     pulses = is_switched(s.halves.reshape(-1), s.current.repeat(2))
     return s._replace(halves=s.halves - value * pulses.reshape(-1, 2))
-
-
-def _current_of_halves(current: Vector) -> Matrix:
-    before = np.concatenate((current[:1], current[:-1]))
-    return np.stack((0.75 * before + 0.25 * current, 0.25 * before + 0.75 * current), axis=1)
 
 
 def _volts(s: Signals) -> float:

@@ -296,7 +296,9 @@ def _wrong(told: Truth, estimate: Estimate) -> Iterator[str]:
         off = rms(outputs["flux_linkage"][at] - told.flux_linkage) / rms(told.flux_linkage)
         if off > FAR["flux linkage"]:
             yield f"its flux linkage is {_percent(off)} off that of the record, (21), in the last operation"
-    off = compute_misfit(told, estimate)
+    names = [name for name in ("innovation", "current_error") if estimate.units.get(name) == "A"]
+    most = max((rms(outputs[name][at]) for name in names), default=0.0)  # not foretold of the current
+    off = float(np.sqrt(max(most**2 - told.noise**2, 0.0))) / max(rms(told.current), 1e-300)
     if off > FAR["current"]:
         yield f"its model leaves {_percent(off)} of the current unexplained in the last operation"
     if "windows" in outputs and told.resistance is not None and float(outputs["windows"][-1]) == 0.0:
@@ -306,21 +308,9 @@ def _wrong(told: Truth, estimate: Estimate) -> Iterator[str]:
                 f"it has not solved one window, so that it has learnt nothing, and its innovation is"
                 f" {off / max(told.noise, 1e-300):.2g} times the noise, whatever its `health` says"
             )
-    if "flux_linkage" not in outputs and _healthy(told, estimate) < HEALTHY:
-        yield "its `health` is 0 most of the time in the last operation"
-
-
-def compute_misfit(told: Truth, estimate: Estimate) -> float:
-    """Compute the RMS of what the model does not predict of the current, beyond noise, relative to the current."""
-    names = [name for name in ("innovation", "current_error") if estimate.units.get(name) == "A"]
-    most = max((rms(estimate.outputs[name][told.samples]) for name in names), default=0.0)
-    return float(np.sqrt(max(most**2 - told.noise**2, 0.0))) / max(rms(told.current), 1e-300)
-
-
-def _healthy(told: Truth, estimate: Estimate) -> float:
-    """Part of the samples with current in which an estimator trusts itself."""
     flows = np.abs(told.current) > FLOWS * np.abs(told.current).max()
-    return float(estimate.outputs["health"][told.samples][flows].mean())
+    if "flux_linkage" not in outputs and float(outputs["health"][at][flows].mean()) < HEALTHY:
+        yield "its `health` is 0 most of the time in the last operation"
 
 
 def remedy(told: Truth, estimate: Estimate) -> str:

@@ -6,8 +6,8 @@ dampings of a step are tried at once (K. Levenberg 1944, D. Marquardt 1963); if 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Generator, Sequence
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -73,9 +73,19 @@ def differences(
 
     `at` are the values of the point itself (n,), where they are known.
     """
-    steps = np.where(x + STEP > high, -STEP, STEP)
-    found = values([*([x] if at is None else []), *(x + np.diag(steps))])
-    here, beside = (found[0], found[1:]) if at is None else (at, found)
+    steps = steps_within(x, high)
+    here = [x] if at is None else []
+    found = values([*here, *(x + np.diag(steps))])
+    return quotients(found[0] if at is None else at, found[len(here) :], steps)
+
+
+def steps_within(x: Vector, high: Vector | float) -> Vector:
+    """Of difference quotients at a point, within the highest point."""
+    return np.where(x + STEP > high, -STEP, STEP)
+
+
+def quotients(here: Vector, beside: Matrix, steps: Vector) -> Matrix:
+    """Derivatives from the values of a point (n,), and those after each of some steps (steps, n); (n, steps)."""
     return np.asarray(((beside - here) / steps[:, None]).T)
 
 
@@ -98,21 +108,38 @@ def minimise(p: Problem, start: Vector, longest: int = 50, enough: float = 1e-8)
     enough : float
         Relative fall of the cost with which they end.
     """
-    x, steps = np.clip(start, *p.limits), 0
-    (r,) = p.residuals([x])
-    while steps < longest and (found := _lower(p, x, r)) is not None:
-        before, (x, r), steps = float(r @ r), found, steps + 1
+    search: Descent = descend(p, start, longest, enough)
+    answer: Matrix | None = None
+    while True:
+        try:
+            points, known = search.send(answer)
+        except StopIteration as end:
+            return end.value  # type: ignore[no-any-return]
+        answer = p.residuals(points) if known is None else p.jacobian(points[0], known)
+
+
+# Points, for their residuals; or one point with its residuals, for their derivatives.
+Asked: TypeAlias = "tuple[list[Vector], Vector | None]"
+Descent: TypeAlias = Generator[Asked, Any, Minimum]
+
+
+def descend(p: Problem, start: Vector, longest: int, enough: float) -> Descent:
+    """The way to the minimum next to a point, which asks for what it needs of the residuals; see `minimise`."""
+    x, taken = np.clip(start, *p.limits), 0
+    (r,) = yield [x], None
+    while taken < longest and (found := (yield from _lower(p, x, r))) is not None:
+        before, (x, r), taken = float(r @ r), found, taken + 1
         if float(r @ r) > (1.0 - enough) * before:
             break
-    return Minimum(x, r, steps)
+    return Minimum(x, r, taken)
 
 
-def _lower(p: Problem, x: Vector, r: Vector) -> tuple[Vector, Vector] | None:
+def _lower(p: Problem, x: Vector, r: Vector) -> Generator[Asked, Any, tuple[Vector, Vector] | None]:
     """The best point of several dampings, with its residuals; None if all of them raise the cost."""
-    J = p.jacobian(x, r)
+    J = yield [x], r
     for dampings in DAMPINGS:
         points = candidates(p, x, J, r, dampings)
-        tried = p.residuals(points)
+        tried = yield points, None
         costs = np.einsum("ij,ij->i", tried, tried)
         best = int(np.argmin(costs))
         if costs[best] < r @ r:

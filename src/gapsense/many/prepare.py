@@ -281,8 +281,7 @@ def prepare(study: str | Path, fmus: str | Path | None = None, engine: str = AUT
 def inspect(path: str | Path, fmus: str | Path | None, engine: str = AUTO) -> tuple[list[str], Prepared | None]:
     """Problems, and what could be prepared."""
     problems: list[str] = []
-    study = read_study(path, problems)
-    if study is None:
+    if (study := read_study(path, problems)) is None:
         return problems, None
     draft = read_draft(study.scenario, study.variant)
     problems += draft.problems

@@ -326,8 +326,7 @@ class Told:
 
     def read_own(self) -> dict[str, Any]:
         """Tables of our annotation, but for what SSP itself tells."""
-        found = self.root.find(f"{tag('ssd:DefaultExperiment')}//{tag('gapsense:Scenario')}")
-        if found is None:
+        if (found := self.root.find(f"{tag('ssd:DefaultExperiment')}//{tag('gapsense:Scenario')}")) is None:
             return {}
         try:
             data = tomllib.loads(found.text or "")

@@ -12,7 +12,7 @@ from gapsense.problems import listing
 OF_CONNECTIONS = ("delayed", "mean")
 WHOLE = ("title", "description", "figure", "experiment", "record", "metrics", "events", "page")  # as the file has them
 OF_COMPONENTS = ("step", "offset", "edge", "isolation")
-LEFT_OUT = {"sweep": "its sweep", "baseline": "its baseline", "variants": "its other variants"}
+LEFT_OUT = {"sweep": "its sweep is", "baseline": "its baseline is", "variants": "its other variants are"}
 
 
 def collect_tables(scenario: Scenario, document: Document) -> dict[str, Any]:
@@ -68,4 +68,4 @@ def notes(scenario: Scenario, data: Mapping[str, Any]) -> Iterator[str]:
         yield f"events {listing([*scenario.events])}: only Gapsense's annotation has them, so other tools ignore them."
     for key, what in LEFT_OUT.items():
         if data.get(key):
-            yield f"{key}: {what} is left out." if key != "variants" else f"{key}: {what} are left out."
+            yield f"{key}: {what} left out."

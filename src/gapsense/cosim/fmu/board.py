@@ -83,8 +83,7 @@ class OnBoard(Instance):
                 f"has no output `{missing[0]}`, which is connected or recorded. Export it with this output"
             )
         named = {v.name: v for c in ("input", "output") for v in self.description.of(c)}
-        strange = [n for n in (*self.inputs, *self.outputs) if n not in named and n not in ("time", "dt")]
-        if strange:
+        if strange := [n for n in (*self.inputs, *self.outputs) if n not in named and n not in ("time", "dt")]:
             raise BoardError(f"has `{strange[0]}`, which the FMU has not. Export its firmware again")
         self.taken, self.fetch_inputs = self.fetching([named[n] for n in self.inputs if n in named])
         self.theirs, self.fetch_outputs = self.fetching([named[n] for n in self.outputs])

@@ -517,8 +517,7 @@ def reader() -> Path:
 
 def reader_version() -> str:
     """Version of fmpy, which need not be loaded for that."""
-    found = re.search(r"^__version__ = ['\"](.+)['\"]$", reader().read_text("utf-8"), re.MULTILINE)
-    if found:
+    if found := re.search(r"^__version__ = ['\"](.+)['\"]$", reader().read_text("utf-8"), re.MULTILINE):
         return found[1]
     import fmpy
 

@@ -105,9 +105,7 @@ def origin(model: Any) -> str:
 def line(v: Any, moved: Variable | None, choices: tuple[str, ...]) -> Line:
     """A variable as texts; `moved` is what a run knows of it, of a kind that is moved."""
     size = "x".join(map(str, v.shape or ()))
-    found = moved
-    if found is None and v.type not in NOT_MOVED and not v.dimensions:
-        found = variable(v)
+    found = moved or (variable(v) if v.type not in NOT_MOVED and not v.dimensions else None)
     return Line(
         name=printable(v.name),
         unit=printable((found or v).unit or ""),
@@ -119,8 +117,7 @@ def line(v: Any, moved: Variable | None, choices: tuple[str, ...]) -> Line:
 
 def start_of(of: Variable) -> str:
     """Start value as one writes it in a scenario."""
-    value = of.start
-    if value is None:
+    if (value := of.start) is None:
         return ""
     item = next((name for name, k in of.items.items() if k == value), None)
     return format_value(value if item is None else item)

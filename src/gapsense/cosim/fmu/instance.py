@@ -133,8 +133,7 @@ def call_instantiate(library: ctypes.CDLL, function: str, kept: object, *argumen
     """Make an instance by the function of the library that does so; `kept` are its callbacks."""
     make = library[function]
     make.restype = c_void_p
-    component = make(*arguments)
-    if not component:
+    if not (component := make(*arguments)):
         raise OSError(f"{function} returned no instance")
     return component, kept
 

@@ -186,8 +186,7 @@ def serial(place: str) -> int:
 
     device, _, last = place.rpartition(":")
     device, baud = (device, int(last)) if device and last.isdecimal() else (place, BAUD)
-    speed = getattr(termios, f"B{baud}", None)
-    if speed is None:
+    if (speed := getattr(termios, f"B{baud}", None)) is None:
         raise ValueError(f"a serial port has no {baud} baud here")
     file = os.open(device, os.O_RDWR | os.O_NOCTTY)
     fcntl.ioctl(file, termios.TIOCEXCL)  # a board answers one program
@@ -309,8 +308,7 @@ class Link:
         """Everything that the board has from an offset on, `count` bytes or all, in as many requests as that takes."""
         found = b""
         while count is None or len(found) < count:
-            part = self.ask(what, component, struct.pack("<I", begin + len(found)))
-            if not part:
+            if not (part := self.ask(what, component, struct.pack("<I", begin + len(found)))):
                 break
             found += part
         return found

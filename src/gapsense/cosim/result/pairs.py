@@ -130,8 +130,7 @@ def compare_trajectories(result: Trajectories, reference: Trajectories, how: Bas
     """
     if not result.times.size or not reference.times.size:
         return Comparison((*result.problems, *reference.problems, "there are no rows to compare. Run again."))
-    names = matching(window.patterns, dict.fromkeys((*result.signals, *reference.signals)))
-    if not names:
+    if not (names := matching(window.patterns, dict.fromkeys((*result.signals, *reference.signals)))):
         known = suggest(window.patterns[0], result.signals)
         raise InputError([f"no signal is or matches {listing(window.patterns)}. {known}"])
     both = [name for name in names if name in result.signals and name in reference.signals]

@@ -96,8 +96,7 @@ class Turns:
 
         Of outputs that are means others then get the mean of all pieces.
         """
-        edges = [place for part in sweep.parts for place in part.edges]
-        if not edges:
+        if not (edges := [place for part in sweep.parts for place in part.edges]):
             return self.solve(sweep)
         means = dict.fromkeys(self.means(sweep), 0.0)
         ramps = [self.ramps[i] for part in sweep.parts if (i := self.numbers[part]) in self.ramps]

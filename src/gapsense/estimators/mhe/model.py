@@ -96,7 +96,7 @@ class Parameters(NamedTuple):
     option_command: Scalar = option("A window ends where the input command changes, not after a landing", False)
     option_mean: Scalar = option("The voltage is the mean since the last sample: that of a held or switched one", False)
     option_zero: Scalar = option("The current that is left after `window.tail` without voltage is an offset", False)
-    option_ahead: Scalar = option("Rest and damping that change steadily are expected to go on doing so", False)
+    option_ahead: Scalar = option("R, rest and damping that change steadily are expected to go on doing so", False)
     noise_voltage: Scalar = parameter("V", "Standard deviation of the voltage noise", 0.03, min=0.0)  # sigma_v
     model_error: Scalar = parameter("A", "Standard deviation of the model's error of the current", 1e-3, min=0.0)
     edge: Scalar = parameter(

@@ -82,8 +82,9 @@ RESTLESS = {6: 0.2e-2, 7: 0.3e-2, 8: 0.8e-2}  # the same of mass, rest, damping 
 # arrival cost of a change that is expected, and what comes to it until rest and damping may change as before the first
 # window; core, gap and mass do not change suddenly, and R with time
 EXPECTED, SURPRISING, SUDDEN = 2.0, 10.0, (7, 8)
-# what an operation changes of these two steadily: share of its mean that stays; deviation of what comes next over what
-# is expected; over `RESTLESS`: what may be noise, the largest that counts, and a change that comes at once
+AHEAD = (0, *SUDDEN)
+# what an operation changes of these two and of R steadily: share of its mean that stays; deviation of what comes next
+# over what is expected; over `RESTLESS`: what may be noise, the largest that counts, and a change that comes at once
 LASTING, ABOUT, UNSTEADY, STEADY, AT_ONCE = 0.9, 6.0, 0.2, 2.0, 4.0
 WARMING = 10e-3  # a coil warms and cools with time, up to the deviation before the first window [s]
 SHORTENED, SHORTENED_UNTAUGHT = 0.25, 0.5  # of a step whose trial is worse than what it left
@@ -680,7 +681,7 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
     share = where(is_set(par.option_further), square(clip(change, 0.0, 1.0)), 0.0)
     moved = flag(has_moved(work.walk))
     trends = _trends(old, d, moved, par)
-    ahead = {k: moved * step for k, step in zip(SUDDEN, _expected_change(trends))}
+    ahead = {k: moved * step for k, step in zip(AHEAD, _expected_change(trends))}
     for k, (s, variance) in enumerate(zip(priors(par), _drifts(work, par))):
         if k in SUDDEN:
             unsteady = square(ABOUT * ahead[k])
@@ -706,8 +707,9 @@ def _learn(work: Work, misfit: Scalar, par: Parameters) -> Work:
             doubt=where(moved > 0.0, _doubt(misfit, old), old.doubt),
             deviations=deviations,
             surplus=where(moved > 0.0, surplus, old.surplus),
-            rest_trend=trends[0],
-            damping_trend=trends[1],
+            resistance_trend=trends[0],
+            rest_trend=trends[1],
+            damping_trend=trends[2],
             is_settled=where(settles, 1.0, old.is_settled),
         ),
     )
@@ -727,30 +729,35 @@ def _doubt(misfit: Scalar, before: Learnt) -> Scalar:
 
 
 def _trends(before: Learnt, d: Array, moved: Scalar, par: Parameters) -> list[Scalar]:
-    """Means of late of what an operation changes of rest and damping, after one that came out d from what was ahead.
+    """Means of late of what an operation changes of R, rest and damping, after one that came out d from what was ahead.
 
-    A change that comes at once is none that goes on: the mean begins anew.
+    A change that comes at once is none that goes on: the mean begins anew.  A held voltage tells R early.
     """
-    counts = is_set(par.option_ahead) & (moved > 0.0) & (before.explained >= SETTLES)
-    old = (before.rest_trend, before.damping_trend)
+    old = (before.resistance_trend, before.rest_trend, before.damping_trend)
     means = []
-    for k, mean, step in zip(SUDDEN, old, _expected_change(old)):
-        most = STEADY * RESTLESS[k]
+    for k, mean, step in zip(AHEAD, old, _expected_change(old)):
+        counts = is_set(par.option_ahead) & (moved > 0.0) & (before.explained >= (SETTLES if k in SUDDEN else PROVEN))
+        most = STEADY * _restless(k)
         new = LASTING * mean + (1.0 - LASTING) * clip(step + d[k], -most, most)
-        means.append(where(counts, where(fabs(d[k]) > AT_ONCE * RESTLESS[k], 0.0, new), mean))
+        means.append(where(counts, where(fabs(d[k]) > AT_ONCE * _restless(k), 0.0, new), mean))
     return means
 
 
 def _expected_change(trends: Sequence[Scalar]) -> list[Scalar]:
     """Change that the next operation is expected to make."""
-    noise = [UNSTEADY * RESTLESS[k] for k in SUDDEN]
+    noise = [UNSTEADY * _restless(k) for k in AHEAD]
     return [mean - clip(mean, -most, most) for mean, most in zip(trends, noise)]
+
+
+def _restless(k: int) -> float:
+    """Deviation of what an operation adds to a correction where more is learnt."""
+    return RESTLESS.get(k, DRIFT[k])
 
 
 def _drifts(work: Work, par: Parameters) -> list[Scalar]:
     """Variances that come to the corrections, D of (8): to R with time, to the others with an operation."""
     warming = square(DRIFT[0]) * work.window.end * par.sample_time / WARMING
-    usual = [where(is_set(par.option_further), RESTLESS.get(k, drift), drift) for k, drift in enumerate(DRIFT)]
+    usual = [where(is_set(par.option_further), _restless(k), drift) for k, drift in enumerate(DRIFT)]
     return [warming, *(where(has_moved(work.walk), square(drift), 0.0) for drift in usual[1:])]
 
 
@@ -799,7 +806,8 @@ def _by_voltage(origin: Array, par: Parameters) -> Array:
 def unlearn(work: Work) -> Work:
     """Nothing is left of what was learnt from other readings, and it begins as at the start, now."""
     fit, nothing = work.fit, [0.0] * N
-    fresh = dict.fromkeys(("rejected", "explained", "surplus", "is_settled", "rest_trend", "damping_trend"), 0.0)
+    trends = ("resistance_trend", "rest_trend", "damping_trend")
+    fresh = dict.fromkeys(("rejected", "explained", "surplus", "is_settled", *trends), 0.0)
     return work._replace(
         phase=Phase.deriving,
         pass_start=PassStart.first,

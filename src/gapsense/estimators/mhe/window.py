@@ -169,7 +169,8 @@ class Learnt(NamedTuple):
     doubt: Scalar = UNSEEN  # whether the eddy currents of (1) are other ones, from 0 to 1
     surplus: Scalar = 0.0  # by which windows of late changed the corrections more than they should have
     is_settled: Scalar = 0.0  # flag: there was none once enough were explained
-    rest_trend: Scalar = 0.0  # mean of late of what an operation changes, with `option.ahead`
+    resistance_trend: Scalar = 0.0  # mean of late of what an operation changes, with `option.ahead`
+    rest_trend: Scalar = 0.0
     damping_trend: Scalar = 0.0
 
 

@@ -444,12 +444,11 @@ def conclude(p: Problem, x: Vector, steps: int) -> Commissioned:
     has_law = "gap_window" in p.names or p.known.gap_law == GapLaw.table
     law_moves: Matrix = np.zeros((n, 0))
 
-    def weigh_currents(known: Sequence[Parameters]) -> Matrix:
-        pars = [simulated.Parameters(one, found.beyond) for one in known]
+    def weigh_currents(pars: Sequence[simulated.Parameters]) -> Matrix:
         return np.hstack([d.weights * sample_record(pars, d, at) for d, at in zip(p.drives, places)])
 
     if has_law and p.beyond.core_power and all(r.is_explained for r in residuals):
-        law_moves = np.asarray(np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(found.known, weigh_currents).T))[:n]
+        law_moves = np.asarray(np.linalg.solve(J.T @ J, J[: -x.size].T @ law_errors(found, weigh_currents).T))[:n]
     return Commissioned(
         parameters=found.known,
         beyond=found.beyond,
@@ -524,14 +523,15 @@ def with_other_law(known: Parameters, shape: int, by: float) -> Parameters:
     return known._replace(gap_law=float(GapLaw.table), **table)
 
 
-def law_errors(known: Parameters, values: Callable[[Sequence[Parameters]], Matrix]) -> Matrix:
+def law_errors(found: simulated.Parameters, values: Callable[[Sequence[simulated.Parameters]], Matrix]) -> Matrix:
     """What a gap law that is not quite the one given changes in some values of each model (shapes, values).
 
     Of three difference quotients that in the middle: where the last bounce is a bounce more or less, one has a jump.
     """
     steps = (STEP, -STEP, SMALLER * STEP)
     changes = [(shape, by) for shape in range(1, LAW_SHAPES + 1) for by in steps]
-    at, *others = values([with_other_law(known, shape, by) for shape, by in ((1, 0.0), *changes)])
+    laws = [with_other_law(found.known, shape, by) for shape, by in ((1, 0.0), *changes)]
+    at, *others = values([found._replace(known=known) for known in laws])
     rates = np.array([(other - at) / by for other, (_, by) in zip(others, changes)])
     return np.asarray(LAW_ERROR * np.median(rates.reshape(LAW_SHAPES, len(steps), -1), axis=1))
 
@@ -541,7 +541,8 @@ def position_error(result: Commissioned) -> float:
 
     A wrong gap law goes together with the parameters that make up for it.
     """
-    known, p = result.parameters, Problem(result.parameters, result.names, result.drives, beyond=result.beyond)
+    here = simulated.Parameters(result.parameters, result.beyond)
+    p = Problem(result.parameters, result.names, result.drives, beyond=result.beyond)
     pars, moves, found = [parameters_at(p, x) for x in STEP * np.eye(len(p.names))], result.law_moves, list[float]()
     plain = result.covariance - moves @ moves.T
     for one, places, model in zip(result.drives, result.places, result.models):
@@ -549,15 +550,11 @@ def position_error(result: Commissioned) -> float:
         slopes = (moved - model.position) / STEP
         variance = np.einsum("jt,jk,kt->t", slopes, plain, slopes)
         if moves.size:
-            by_law = law_errors(known, partial(_positions, one, places, result.beyond))
+            positions = partial(sample_record, drive=one, places=places, name="position")
+            by_law = law_errors(here, positions)
             variance += ((by_law + moves.T @ slopes) ** 2).sum(axis=0)
         found.append(float(np.mean(variance)))
     return math.sqrt(max(found))
-
-
-def _positions(drive: Excitation, places: Vector, beyond: Beyond, known: Sequence[Parameters]) -> Matrix:
-    pars = [simulated.Parameters(one, beyond) for one in known]
-    return sample_record(pars, drive, places, "position")
 
 
 def doubt(p: Problem) -> float:

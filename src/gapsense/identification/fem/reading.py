@@ -113,7 +113,7 @@ def read_solved(path: Path, how: Reading, given: Given) -> Solved:
     if problems := [*unusual(found), *fields_of_rest(found)]:
         raise InputError(problems)
     found = without_repeated(found._replace(remarks=(*found.remarks, *remaining(found))), problems)
-    problems += [*too_few(found), *falling(found), *rising(found), *pushing(found)]
+    problems += [*too_few(found), *against_neighbours(found), *pushing(found)]
     if problems:
         raise InputError(problems)
     unused = [name for k, name in enumerate(sheet.names) if k not in [column.place for column in used]]
@@ -361,35 +361,28 @@ def falls(lines: Sequence[npt.NDArray[np.int_]], x: Vector) -> list[tuple[int, i
     return sorted(pairs, key=lambda pair: float(x[pair[1]] - x[pair[0]]))
 
 
-def falling(found: Solved) -> list[str]:
-    """Flux linkages that fall while the current rises."""
-    lines = neighbours(found.current, found.gap)
-    return [
-        f"{found.file}, {found.place(b)}: the flux linkage falls to {quantity(float(found.flux_linkage[b]), 'Wb')} from"
-        f" {quantity(float(found.flux_linkage[a]), 'Wb')} in line {found.lines[a]} with less current, where it has to"
-        " rise. Correct the line, or solve it again with a finer mesh."
-        for a, b in falls(lines, found.flux_linkage)[:SHOWN]
-    ]
-
-
-def rising(found: Solved) -> list[str]:
-    """Flux linkages that rise with the gap."""
+def against_neighbours(found: Solved) -> list[str]:
+    """Flux linkages that fall while the current rises, or that rise with the gap."""
     flux = found.flux_linkage
+    ways = [("falls", "with less current", "rise", falls(neighbours(found.current, found.gap), flux))]
     slope = np.polyfit(found.gap, flux / found.current, 1)[0]
+    if slope < 0.0:
+        ways.append(("rises", "at a smaller gap", "fall", falls(neighbours(found.gap, found.current), -flux)))
+    told = [
+        f"{found.file}, {found.place(b)}: the flux linkage {way} to {quantity(float(flux[b]), 'Wb')} from"
+        f" {quantity(float(flux[a]), 'Wb')} in line {found.lines[a]} {where}, where it has to {right}. Correct the"
+        " line, or solve it again with a finer mesh."
+        for way, where, right, pairs in ways
+        for a, b in pairs[:SHOWN]
+    ]
     if slope >= 0.0:
-        return [
+        told.append(
             f"{found.file}: the inductance rises with the position, from"
             f" {quantity(float(flux[0] / found.current[0]), 'H')} in line {found.lines[0]} to"
             f" {quantity(float(flux[-1] / found.current[-1]), 'H')} in line {found.lines[-1]}, where it has to fall"
             " with the gap. If the position is not the gap, say by `--closed` at which one the gap is closed."
-        ]
-    lines = neighbours(found.gap, found.current)
-    return [
-        f"{found.file}, {found.place(b)}: the flux linkage rises to {quantity(float(flux[b]), 'Wb')} from"
-        f" {quantity(float(flux[a]), 'Wb')} in line {found.lines[a]} at a smaller gap, where it has to fall. Correct"
-        " the line, or solve it again with a finer mesh."
-        for a, b in falls(lines, -flux)[:SHOWN]
-    ]
+        )
+    return told
 
 
 def pushing(found: Solved) -> list[str]:

@@ -245,11 +245,6 @@ def write_fem(file: Path, m: Models, given: Mapping[str, Value], origin: str, as
     return [gap, plant]
 
 
-def drop_given(tuning: Mapping[str, float], given: Mapping[str, Value], assumed: Sequence[str]) -> dict[str, float]:
-    """Drop what was given from a tuning; what was assumed before is made anew."""
-    return {name: value for name, value in tuning.items() if name not in given or name in assumed}
-
-
 def beyond(points: Solved, given: Mapping[str, Value], assumed: Sequence[str]) -> list[str]:
     """What is said of stops that the table does not reach, or that are taken from it."""
     lower, upper = (float(given[name]) for name in ("stop.lower", "stop.upper"))

@@ -47,15 +47,8 @@ class Trial(NamedTuple):
 
 def scale_law(samples: Measured, turns: float, known: Law) -> Trial:
     """A law whose form is known, and its scale alone is not."""
-    found = _fit_sum(samples, turns, total(known, samples.gap)[:, None], False)
-    return Trial(
-        law=known._replace(name=KNOWN),
-        core_reluctance=found.core,
-        core_saturation=found.saturation,
-        size=3,
-        left=found.left,
-        scale=found.gap[0],
-    )
+    found, (scale,) = _fit_sum(samples, turns, total(known, samples.gap)[:, None], False)
+    return found._replace(law=known._replace(name=KNOWN), size=3, scale=scale)
 
 
 def trials(samples: Measured, turns: float, upper: float) -> list[Trial]:
@@ -83,34 +76,21 @@ def best(found: list[Trial]) -> Trial:
     return max(found[k:], key=lambda trial: min(trial.size, ENOUGH)) if found[k].law.knots else found[k]
 
 
-class Sum(NamedTuple):
-    """Factors of the columns."""
-
-    core: float
-    saturation: float  # that goes with them [Wb]
-    offset: float
-    gap: list[float]
-    left: Vector
-
-
 def _slopes(samples: Measured, turns: float, knots: Vector, has_offset: bool) -> Trial:
     """Slopes at knots; a single one is the linear law."""
-    found = _fit_sum(samples, turns, basis(knots, samples.gap), has_offset)
-    least = LEAST * max(found.gap)  # so that a factor can change it
-    numbers = tuple(max(slope, least) for slope in found.gap)
+    found, slopes = _fit_sum(samples, turns, basis(knots, samples.gap), has_offset)
+    least = LEAST * max(slopes)  # so that a factor can change it
+    numbers = tuple(max(slope, least) for slope in slopes)
     name, at = (f"{knots.size} slopes", tuple(knots.tolist())) if has_offset else ("linear", ())
-    law = Law(name, found.offset, numbers, at)
-    return Trial(
-        law=law,
-        core_reluctance=found.core,
-        core_saturation=found.saturation,
-        size=len(numbers) + (3 if has_offset else 2),
-        left=found.left,
-    )
+    law = found.law._replace(name=name, numbers=numbers, knots=at)
+    return found._replace(law=law, size=len(numbers) + (3 if has_offset else 2))
 
 
-def _fit_sum(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> Sum:
-    """Fit the sum of columns of the gap's reluctance, and of the core's with the saturation that suits best."""
+def _fit_sum(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> tuple[Trial, list[float]]:
+    """Fit the sum of columns of the gap's reluctance, and of the core's with the saturation that suits best.
+
+    The law has no more than its offset; factors of the columns are beside it.
+    """
     flux = samples.flux_linkage / turns**2
     others = np.column_stack((*([flux] if has_offset else []), gap * flux[:, None]))
 
@@ -124,9 +104,8 @@ def _fit_sum(samples: Measured, turns: float, gap: Matrix, has_offset: bool) -> 
     at = lowest(lambda x: square(fit_factors(x)[1]), spans)
     factors, left = fit_factors(at)
     core, offset, *rest = factors.tolist() if has_offset else (factors[0], 0.0, *factors[1:])
-    return Sum(
-        core=float(core), saturation=float(np.exp(at)), offset=float(offset), gap=[float(x) for x in rest], left=left
-    )
+    law = Law("", float(offset), ())
+    return Trial(law, float(core), float(np.exp(at)), 0, left=left), [float(x) for x in rest]
 
 
 def _fringing(samples: Measured, turns: float, upper: float, linear: Trial) -> Trial:

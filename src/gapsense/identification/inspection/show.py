@@ -225,14 +225,11 @@ def resistance(found: Facts) -> Item:
     R = np.array([p.resistance for p in found.pulses])
     spread = f", equal within {100.0 * float(np.ptp(R) / abs(R.mean())):.2g} %" if R.size > 1 else ""
     many = f"{R.size} operations" if R.size > 1 else "1 operation"
-    is_sure = not is_shifted(found) and not found.clipped and float(np.ptp(R)) < EQUAL * abs(float(R.mean()))
-    return Item("resistance", YES if is_sure else CARE, f"{quantity(float(R.mean()), 'Ohm')}, {many}{spread}")
-
-
-def is_shifted(found: Facts) -> bool:
-    """Whether a current stays where it is without a voltage, as that of a sensor does, but no coil's."""
-    v = found.signals["voltage"]
-    return not found.is_from_rest and v.offset is not None and abs(v.offset.value) < MOST_OFFSET * v.largest
+    is_alike, v = float(np.ptp(R)) < EQUAL * abs(float(R.mean())), found.signals["voltage"]
+    # A current that stays where it is without a voltage is that of a sensor, but no coil's.
+    is_shifted = not found.is_from_rest and v.offset is not None and abs(v.offset.value) < MOST_OFFSET * v.largest
+    answer = CARE if is_shifted or found.clipped or not is_alike else YES
+    return Item("resistance", answer, f"{quantity(float(R.mean()), 'Ohm')}, {many}{spread}")
 
 
 def inductance(found: Facts) -> Item:

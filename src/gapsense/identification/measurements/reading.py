@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from gapsense._os.files import number, read_bytes, why_unreadable
 from gapsense.cosim.result.result import Result, read_result
@@ -107,8 +106,10 @@ def columns_of(file: str, result: Result, names: Mapping[str, str], problems: li
     sampled = [chosen["current"]] if is_mean else [chosen["voltage"], chosen["current"]]
     at = np.flatnonzero(np.logical_and.reduce([result.stepped(signal) for signal in sampled]))
     values = {"time": result.times[at], **{q: result[s][at] for q, s in chosen.items()}}
-    if is_mean:
-        values["voltage"] = _average_between(result[chosen["voltage"]], at)
+    if is_mean:  # over the rows from one instant to the next
+        means = result[chosen["voltage"]]
+        running = np.concatenate(([0.0], np.cumsum(means)))
+        values["voltage"] = np.concatenate((means[at[:1]], np.diff(running[at + 1]) / np.diff(at)))
     return Columns(file, at + 2, values, is_mean)
 
 
@@ -128,12 +129,6 @@ def _signal(file: str, quantity: str, names: Mapping[str, str], result: Result, 
         what = f"{listing(found)} may be the {quantity}" if found else f"no signal of the {quantity} is recorded"
         problems.append(f"{file}: {what}. Choose one with `--column {quantity}=SIGNAL`.")
     return None
-
-
-def _average_between(means: Vector, at: npt.NDArray[np.int_]) -> Vector:
-    """Mean over the rows from one of `at` to the next."""
-    running = np.concatenate(([0.0], np.cumsum(means)))
-    return np.concatenate((means[at[:1]], np.diff(running[at + 1]) / np.diff(at)))
 
 
 DEGREES = dict.fromkeys(("\u00b0C", "C", "K"), "degC")  # units of a temperature that are taken
@@ -195,8 +190,9 @@ def _of_lines(file: str, lines: Sequence[Line], how: Reading, problems: list[str
                 cells = [cell for cell in cells if cell[1]]
             scale = _scale(head, place, column, DEGREES.get(written or "", written), unit, problems)
             values[name] = _numbers(file, column, cells, how.decimal, problems) * scale
-            if name == "temperature":
-                values[name] = _mean(values[name], written, len(lines) - 1)
+            if name == "temperature":  # the mean of a column with gaps, for it is recorded slowly, in every row
+                mean = float(values[name].mean()) if cells else math.nan
+                values[name] = np.full(len(lines) - 1, mean - (KELVIN if written == "K" else 0.0))
         elif name in NEEDED or name in how.names:
             problems.append(_missing(head, name, column, list(columns)))
     if split:  # a row is missing, which is no gap of the times
@@ -252,12 +248,6 @@ def _numbers(file: str, column: str, cells: list[tuple[int, str]], decimal: str,
     if len(wrong) > SHOWN:
         problems.append(f"{file}: `{column}` is not a finite number in {len(wrong) - SHOWN} more rows.")
     return values
-
-
-def _mean(temperatures: Vector, written: str | None, rows: int) -> Vector:
-    """Mean temperature in degC, in every row: such columns have gaps, for they are recorded slowly."""
-    mean = float(temperatures.mean()) if temperatures.size else math.nan
-    return np.full(rows, mean - (KELVIN if written == "K" else 0.0))
 
 
 def reading(

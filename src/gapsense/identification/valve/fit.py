@@ -311,19 +311,15 @@ def _with_others(result: Identified, at: Found, others: Sequence[Found]) -> Iden
     if not alike:
         return result
 
-    def logarithm(end: Found, name: str) -> float:
-        is_resistance = name == "coil_resistance"
-        return math.log(
-            pooled_resistance(end.experiments) if is_resistance else value_of(end.form.at(end.ratios), name)
-        )
+    def logarithms(end: Found) -> dict[str, float]:
+        par = replace_values(end.form.at(end.ratios), coil_resistance=pooled_resistance(end.experiments))
+        sought = (name for name in result.names if name in (*end.form.fitted, "coil_resistance"))
+        return {name: math.log(value_of(par, name)) for name in sought}
 
-    def shift(end: Found, name: str) -> float:
-        if name in (*end.form.fitted, "coil_resistance"):
-            return logarithm(end, name) - logarithm(at, name)
-        return float(name in (*LOSSES, FILTER))  # none: all of it
-
-    none = [0.0] * len(result.uncertainty.causes)
-    shifts = [np.array([*(shift(end, name) for name in result.names), *none]) for end in alike]
+    here, shifts, none = logarithms(at), list[Vector](), [0.0] * len(result.uncertainty.causes)
+    for there in map(logarithms, alike):  # what a form has not is all of it
+        moved = [there[n] - here[n] if n in there else float(n in (*LOSSES, FILTER)) for n in result.names]
+        shifts.append(np.array([*moved, *none]))
     found = widen(result.uncertainty, largest([np.outer(x, x) for x in shifts]))
     said = dict.fromkeys(", ".join(end.form.added) or "plain" for end in alike)
     return result._replace(uncertainty=found, alike=[*said])

@@ -77,7 +77,10 @@ class Form(NamedTuple):
         """The fitted parameters multiplied by e^ratio, so that they stay positive; the others as they are known."""
         factors = zip(self.fitted, np.exp(ratios).tolist())
         made = replace_values(self.known, **{n: x for name, f in factors for n, x in multiply(self.known, name, f)})
-        return made if self.law is None else replace_values(made, **_table(self.law_at(ratios), made))
+        if self.law is None:
+            return made
+        columns = rows(self.law_at(ratios), float(value_of(made, "stop_upper")))
+        return replace_values(made, **{f"gap_file_{name}": column.tolist() for name, column in columns.items()})
 
     def law_at(self, ratios: Vector) -> Law:
         """The gap law with its fitted numbers; what is known without a gap is that of core and gap together."""
@@ -126,12 +129,6 @@ class Form(NamedTuple):
 def shape(law: Law) -> tuple[str, ...]:
     """Names of the numbers of a gap law, its offset first, which are no parameters of the device."""
     return tuple(f"{SHAPE}{k}" for k in range(len(law.numbers) + 1))
-
-
-def _table(law: Law, par: Device) -> dict[str, Any]:
-    """The gap law as a table of the device."""
-    made = rows(law, float(value_of(par, "stop_upper")))
-    return {f"gap_file_{name}": column.tolist() for name, column in made.items()}
 
 
 def multiply(par: Device, name: str, factor: float) -> list[tuple[str, Any]]:

@@ -13,16 +13,27 @@ autocorrelation of what is left afterwards tells.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gapsense._os.workers import Progress
-from gapsense.identification.least_squares import Matrix, Minimum, differences, independent, minimise, square
+from gapsense.identification.least_squares import (
+    Asked,
+    Matrix,
+    Minimum,
+    descend,
+    differences,
+    independent,
+    minimise,
+    quotients,
+    square,
+    steps_within,
+)
 from gapsense.identification.measurements.record import Vector
 from gapsense.identification.residual import is_small
-from gapsense.identification.valve.form import FITTED, Form, Sought, larger
-from gapsense.identification.valve.model import Experiment, First, balance, residuals, simulate_currents
+from gapsense.identification.valve.form import FACTOR, FILTER, FITTED, Form, Sought, larger
+from gapsense.identification.valve.model import Experiment, First, balance, residuals, residuals_of, simulate_currents
 
 
 class Course:
@@ -93,6 +104,43 @@ class Weighted(NamedTuple):
         return np.asarray((after - before).T / (2.0 * steps))
 
 
+def minimise_together(problems: Sequence[Weighted], starts: Sequence[Vector], enough: float) -> list[Minimum]:
+    """The minima of several problems: the same as one by one, but what they ask for at a time is simulated at once."""
+    searches = [descend(p, start, LONGEST, enough) for p, start in zip(problems, starts)]
+    ends, answers = dict[int, Minimum](), dict[int, Matrix]()
+    while len(ends) < len(problems):
+        asked = dict[int, Asked]()
+        for k, search in enumerate(searches):
+            try:
+                asked |= {} if k in ends else {k: search.send(answers.get(k))}
+            except StopIteration as end:
+                ends[k] = end.value
+        answers = _answer(problems, asked)
+    return [ends[k] for k in range(len(problems))]
+
+
+def _answer(problems: Sequence[Weighted], asked: Mapping[int, Asked]) -> dict[int, Matrix]:
+    """Residuals or derivatives for each problem; those with the same model and experiments are one simulation."""
+    groups, steps = dict[Any, dict[int, list[Vector]]](), dict[int, Vector]()
+    for k, (points, known) in asked.items():
+        p = problems[k]
+        if known is not None:
+            steps[k] = steps_within(points[0], p.form.limits[1])
+            points = [*(points[0] + np.diag(steps[k]))]
+        kind = type(p.form.known), FILTER in p.form.fitted, id(p.experiments)
+        groups.setdefault(kind, {})[k] = points
+    found = dict[int, Matrix]()
+    for group in groups.values():
+        p = problems[next(iter(group))]
+        pars = [par for k, points in group.items() for par in map(problems[k].form.at, points)]
+        p.simulated(len(pars) * sum(e.current.size for e in p.experiments))
+        # What hysteresis saturates takes 20 times as long and holds up all of its vector: side by side these are fewer
+        places = np.argsort([-getattr(par, "core_hysteresis", 0.0) for par in pars], kind="stable")
+        made = residuals_of([pars[k] for k in places], p.experiments)[np.argsort(places)]
+        found |= zip(group, np.split(made, np.cumsum([*map(len, group.values())])[:-1]))
+    return {k: r if (at := asked[k][1]) is None else quotients(at, r, steps[k]) for k, r in found.items()}
+
+
 class Fit:
     """The minimisation; counts the samples that it simulates, and tells them."""
 
@@ -111,11 +159,7 @@ class Fit:
 
     def least_squares(self, ratios: Vector, experiments: Sequence[Experiment], enough: float = EXACT) -> Vector:
         """The minimum next to a point, or the way there until a step lowers the cost by that part only."""
-        return self.minimum(self.form, ratios, experiments, enough).point
-
-    def minimum(self, form: Form, ratios: Vector, experiments: Sequence[Experiment], enough: float = EXACT) -> Minimum:
-        """The same of any form, with its residuals."""
-        return minimise(Weighted(form, experiments, self.count), ratios, LONGEST, enough)
+        return minimise(Weighted(self.form, experiments, self.count), ratios, LONGEST, enough).point
 
     def balance_experiments(self, ratios: Vector, experiments: list[Experiment]) -> list[Experiment]:
         """Balance the experiments: resistances for which model and measurement have the same charge."""
@@ -126,7 +170,7 @@ class Fit:
         """Least squares from the first guess and from random points around it."""
         rng, width, start = np.random.default_rng(seed), np.log(SPREAD), self.form.start
         guesses = [rng.uniform(-width, width, start.size) if k else start for k in range(starts)]
-        ends = [self.minimum(self.form, guess, experiments) for guess in guesses]
+        ends = minimise_together([Weighted(self.form, experiments, self.count)] * starts, guesses, EXACT)
         return [Start(end.point, square(end.residuals)) for end in ends]
 
 
@@ -170,18 +214,26 @@ def is_quiet(trial: Trial, firsts: Sequence[First]) -> bool:
 
 def try_larger(fit: Fit, forms: Sequence[Form], before: Trial, firsts: Sequence[First]) -> list[Trial]:
     """The larger forms, fitted from the smaller one on, and from the first guess of what was added, or of all."""
+    same = {FACTOR in form.fitted: [first.of(form) for first in firsts] for form in forms}
+    problems = [Weighted(form, same[FACTOR in form.fitted], fit.count) for form in forms]
+    tried = [(p, start) for p in problems for start in _starts(before, p.form)]
+    near = minimise_together([p for p, _ in tried], [start for _, start in tried], NEAR)
+    ends = [[end for (one, _), end in zip(tried, near) if one is p] for p in problems]
+    best = [min(found, key=lambda end: square(end.residuals)).point for found in ends]
     left, made = relative(before.errors, firsts), list[Trial]()
-    for form in forms:
-        experiments, start = [first.of(form) for first in firsts], carry_over(before.form, before.ratios, form)
-        starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
-        different = dict.fromkeys(map(tuple, starts))  # two are the same where nothing was added before
-        near = [fit.minimum(form, np.array(each), experiments, NEAR) for each in different]
-        best = min(near, key=lambda end: square(end.residuals)).point
-        end = fit.minimum(form, best, experiments)
-        errors = currents_left(form, end.point, experiments)
-        found = evidence(left, relative(errors, firsts), len({*form.fitted} - {*before.form.fitted}))
-        made.append(Trial(form, end.point, square(end.residuals), errors, evidence=found, is_taken=False))
+    for p, end in zip(problems, minimise_together(problems, best, EXACT)):
+        errors = currents_left(p.form, end.point, p.experiments)
+        more = len({*p.form.fitted} - {*before.form.fitted})
+        found = evidence(left, relative(errors, firsts), more)
+        made.append(Trial(p.form, end.point, square(end.residuals), errors, evidence=found, is_taken=False))
     return made
+
+
+def _starts(before: Trial, form: Form) -> list[Vector]:
+    """Where the fit of a larger form begins; where nothing was added before, two of these are the same."""
+    start = carry_over(before.form, before.ratios, form)
+    starts = (start, np.where(np.isin(form.fitted, FITTED), start, 0.0), form.start)
+    return [np.array(each) for each in dict.fromkeys(map(tuple, starts))]
 
 
 def try_form(fit: Fit, ratios: Vector, firsts: Sequence[First]) -> Trial:

@@ -86,8 +86,7 @@ def is_deviation(result: Result, name: str) -> bool:
 
 def band(result: Result, name: str) -> Vector | None:
     """Half the width of a signal's band, where there is one."""
-    other = deviation(result, name)
-    if other is None:
+    if (other := deviation(result, name)) is None:
         return None
     spread = result[other] if other.endswith(STD) else np.sqrt(np.maximum(result[other], 0.0))
     return SIGMAS * np.maximum(spread, 0.0)

@@ -13,6 +13,7 @@ from bokeh.document import Document
 from bokeh.plotting import figure
 
 from gapsense.cosim.result.compare import Difference
+from gapsense.problems import format_limits
 from gapsense.report.html import style
 from gapsense.report.html.curves import Curve, Panel, Strip, Vector, choose_rows
 from gapsense.report.html.subject import Shown
@@ -332,8 +333,5 @@ class Chapter(NamedTuple):
 
 def limits(bounds: tuple[float, float] | None, shown: Callable[[float], str]) -> str:
     """Bounds in words, each as `shown` writes it."""
-    low, high = bounds or (-math.inf, math.inf)
-    if math.isfinite(low) and math.isfinite(high):
-        return f"{shown(low)} to {shown(high)}"
-    ends = (("at least", low), ("at most", high))
-    return " ".join(f"{word} {shown(end)}" for word, end in ends if math.isfinite(end))
+    low, high = (shown(end) if math.isfinite(end) else None for end in bounds or (-math.inf, math.inf))
+    return format_limits(low, high, "")

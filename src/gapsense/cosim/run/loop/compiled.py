@@ -139,8 +139,7 @@ def is_ended(guest: Guest, loop: Any, structure: Any) -> bool:
     loop.status = instance.judge_step(loop.status, begin, structure.duration)
     if not guest.part.has_ended(loop.status):
         return False
-    failed = guest.part.read_outputs()
-    if failed:
+    if failed := guest.part.read_outputs():
         raise guest.part.failure(failed, begin, loop.next)
     structure.steps_at = loop.next + structure.every
     structure.calls += 1
