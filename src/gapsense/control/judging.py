@@ -30,7 +30,6 @@ ENOUGH, ALLOWED = 0.3, 1.2  # an impact is that of another actuator beyond this 
 SURELY = 0.6  # a speed with which the current tells a hit that no contact in time can deny [m/s]
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
-FAINTLY = 0.48  # the same by a bend that only the reluctance makes a hit [m/s]
 AHEAD = 600.0  # speed by the distance that the plan had left at a landing [1/s]
 DROPPED, DROPS = 0.68, 0.5  # travels after the planned arrival: later a mover had been let go; its speed [m/s]
 SLOWER, AFLOAT = 0.08, 0.14  # more reluctance of a closing with a noisy current: it was too slow; its mover floated
@@ -106,7 +105,7 @@ def judged_by_current(state: State, par: Parameters) -> State:
     speed = where(by_contact & (running.averaged > 0.0) & (timed > speed), timed, speed)
     # a faint hit teaches; it is no alarm
     is_only_faint = (heard.hit > 0.0) & (heard.landing == heard.hit) & is_faint(state, par)
-    is_hard = is_soft & (speed > where(is_only_faint, FAINTLY, AUDIBLE))
+    is_hard = is_soft & (speed > AUDIBLE) & not_(is_only_faint)
     law = laws.read(state.laws, running.command)
     is_there, is_absent, seated = tell_arrival(state, law.seated, par)
     more, rested = cond(
