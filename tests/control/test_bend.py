@@ -264,9 +264,9 @@ def held(way, noise=20e-3, wrong=1.0):
 
 def test_noise_hides_no_mover_that_floats_until_its_plan_ends():
     """What the flux linkage is wrong by is in the reluctance of the seated mover too, from which it is told."""
-    _, rested = bend.tell_afloat(held(0.0), 0.0, PAR)
-    assert rested > 0.0 and bend.tell_afloat(held(0.0), rested, PAR) == (0.0, rested)
-    assert bend.tell_afloat(held(0.1e-3, noise=2e-3), rested, PAR) == (0.0, rested)
+    _, rested, _ = bend.tell_afloat(held(0.0), 0.0, PAR)
+    assert rested > 0.0 and bend.tell_afloat(held(0.0), rested, PAR) == (0.0, rested, False)
+    assert bend.tell_afloat(held(0.1e-3, noise=2e-3), rested, PAR) == (0.0, rested, False)
     for way, alarm, is_faster in ((0.0, 0.0, False), (0.06e-3, 0.0, True), (0.1e-3, 2.0, True)):
         state = held(way, wrong=1.03)
         law = laws.read(state.laws, CLOSING)._replace(rested=rested, was_followed=1.0)
@@ -274,12 +274,25 @@ def test_noise_hides_no_mover_that_floats_until_its_plan_ends():
         assert judged.alarm == alarm and laws.read(judged.laws, CLOSING).floated == is_faster
 
 
+@pytest.mark.parametrize(("way", "grows", "alarm"), [(0.8e-3, 0.9, 2.0), (0.0, 0.9, 0.0), (0.0, 0.0, 0.0)])
+def test_first_closing_that_floats_is_told_although_there_is_none_to_compare_it_with(way, grows, alarm):
+    """Held with 1.2 times the flux linkage a core has more reluctance; a core that does not saturate has the same."""
+    state, late = held(way), np.arange(LONGEST) >= 430
+    share = np.where(late, 1.2, 1.0)
+    state.fluxes[LONGEST:] *= share
+    steps = np.diff(state.charges[LONGEST:], prepend=0.0) * share * np.where(late, 1.0 + 0.2 * grows, 1.0)
+    state.charges[LONGEST:] = np.cumsum(steps)
+    law = laws.read(state.laws, CLOSING)._replace(seated=0.0, rested=0.0, was_followed=1.0)
+    state = state._replace(laws=laws.write(state.laws, CLOSING, law))
+    assert judged_by_current(state, PAR).alarm == alarm
+
+
 def test_slowest_approaches_are_as_fast_as_what_noise_adds():
     quiet, noisy = (_slowest(near(0.0, noise), PAR) for noise in (10e-3, 20e-3))
     assert quiet == PAR.approach_least and noisy == pytest.approx(1.5 * quiet, rel=0.05)
 
 
-@pytest.mark.parametrize(("way", "missed"), [(0.0, laws.UNJUDGED - FELT), (0.05e-3, laws.UNJUDGED)])
+@pytest.mark.parametrize(("way", "missed"), [(0.0, laws.UNJUDGED - FELT), (0.02e-3, laws.UNJUDGED)])
 def test_only_a_closing_that_is_seated_as_earlier_ones_is_felt(way, missed):
     """Else the next one is ordinary, until an estimator has judged this one."""
     judged = judged_by_current(near(way), PAR)

@@ -108,6 +108,13 @@ def test_movers_that_float_beside_another_core_do_not_land_hard_again_and_again(
 
 
 @pytest.mark.slow
+def test_closing_that_stalls_is_followed_by_an_ordinary_one_and_later_by_faster_ones():
+    """24 V hardly close this actuator. Before, 4 closings did not arrive, twice 2 in a row."""
+    row = outcome("model", CONDITIONS["normal-10"], 884, range(26, 27), 40)
+    assert noticed(row).twice == 0 and np.sum(row.speeds[LEARNT:] == NEVER) < 2
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("condition", "seed", "share"), [("softer", 821, 0.002), ("normal-10", 822, 0.003)])
 def test_a_hit_that_no_contact_tells_does_not_harden_the_next_operations(condition, seed, share):
     """Soft operations beyond 0.3 m/s from cycle 10 on: 0.0 and 0.1 %, first 2.8 and 0.8 %."""

@@ -33,7 +33,9 @@ CLOSED, OPENED = 0.75, 0.85  # of the reluctance of the open actuator: less is n
 # of the reluctance of a seated mover: beyond this, and so many standard deviations of noise, a closing has not arrived
 APART, DOUBTFUL = 0.12, 6.0
 AFLOAT, LEAVING = 0.79, 0.75  # of the reluctance at this share of a closing's lead: with less an opening floats
-BESIDE = 1.08  # of that of a seated mover: with more a closing is not felt to have arrived
+# of that of a seated mover: beyond this and so many standard deviations of noise, at most the second, a closing is not
+# felt to have arrived
+BESIDE, FARTHEST_BESIDE = 0.022, 0.08
 SATURATED = 0.2  # speed at a landing that its core explains: from then on it is taken away [m/s]
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
 AT_STOP, AWAY = 20e-6, 45e-6  # from its stop, by the reluctance: a mover that is nearer has hit it; farther has not [m]
@@ -47,6 +49,8 @@ FOLLOW = (0.1, 0.2)  # share by which that of closings follows a mover that seem
 # noise from which they are compared; shares by which what is usual follows a lower one, and a higher one
 WIDE, NARROW, HOLDING = 0.6e-3, 0.4e-3, 0.95e-3
 UNSURE, FOLLOW_RESTED = 0.01, (0.3, 0.1)
+# of the reluctance, and of the flux linkage, with which it is held: with more of that and less of this it came later
+CAME, WITH = 0.9, 0.93
 HELD = 0.5  # of the flux linkage that balances the spring at the lower stop: with less no mover stays there
 UNKNOWN = 1e3  # error of what was not measured
 AROUND, SHORTER = 3.0, 0.6  # pieces in which the bend at a contact is looked for, two of them before it; their length
@@ -263,16 +267,19 @@ def tell_arrival(state: State, seated: Scalar, par: Parameters) -> tuple[Scalar,
     is_absent = where(is_closing & (seated <= 0.0), is_early & (early > OPENED), is_told & is_elsewhere)
     last = load(state.fluxes, place(running, running.age - 1.0))
     is_absent = is_absent | (is_closing & (square(last) < square(HELD) * balance(m.gap.smallest, m)))
-    is_beside = (seated <= 0.0) | (is_told & (found < BESIDE * seated))
+    beside = BESIDE + (apart - APART)
+    beside = where(beside < FARTHEST_BESIDE, beside, FARTHEST_BESIDE)
+    is_beside = (seated <= 0.0) | (is_told & (found < (1.0 + beside) * seated))
     is_there = is_closing & is_early & (early < CLOSED) & is_beside & not_(is_absent)
     return is_there, is_absent, seated + where(is_told & not_(is_absent & is_closing), follows, 0.0)
 
 
-def tell_afloat(state: State, rested: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
+def tell_afloat(state: State, rested: Scalar, par: Parameters) -> tuple[Scalar, Scalar, Scalar]:
     """Tell how much more reluctance than the last ones a closing had with noise, as a share, and the new `rested`.
 
     That is the reluctance after the planned arrival, over the root of the one with which the mover is held then: an
-    error of the flux linkage is in both, so noise moves their ratio less.
+    error of the flux linkage is in both, so noise moves their ratio less. Last, whether the mover came in between: held
+    with more flux linkage a seated one has more reluctance, if its core saturates, and not the same or less.
     """
     running, T_s = state.running, par.sample_time
     n, m = (floor(time / T_s + 0.5) for time in (WIDE, NARROW))
@@ -283,11 +290,13 @@ def tell_afloat(state: State, rested: Scalar, par: Parameters) -> tuple[Scalar, 
     is_kept = (running.command > 0.5) & (held + m < LONGEST) & (told >= running.due)
     at, late = (LONGEST + where(is_kept, k, n + m) for k in (told, held))
     is_noisy = wandering(state.coil, par) > UNSURE * _large(load(state.fluxes, at))
-    later = _reluctance(state, late, m, par)
-    found = _reluctance(state, at, n, par) / sqrt(where(later > 0.0, later, 1.0))
+    first, later = _reluctance(state, at, n, par), _reluctance(state, late, m, par)
+    found = first / sqrt(where(later > 0.0, later, 1.0))
     is_known, follows = rested > 0.0, where(found < rested, *FOLLOW_RESTED)
     more = where(is_kept & is_noisy & is_known, found / where(is_known, rested, 1.0) - 1.0, 0.0)
-    return more, rested + where(is_kept & is_noisy, where(is_known, follows, 1.0) * (found - rested), 0.0)
+    came = is_kept & (first > CAME * later) & (load(state.fluxes, at) < WITH * load(state.fluxes, late))
+    rested = rested + where(is_kept & is_noisy & not_(came), where(is_known, follows, 1.0) * (found - rested), 0.0)
+    return more, rested, came
 
 
 def _estimated_share(state: State, is_closing: Scalar, at: Scalar, par: Parameters) -> Scalar:

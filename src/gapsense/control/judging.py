@@ -108,10 +108,11 @@ def judged_by_current(state: State, par: Parameters) -> State:
     is_hard = is_soft & (speed > AUDIBLE) & not_(is_only_faint)
     law = laws.read(state.laws, running.command)
     is_there, is_absent, seated = tell_arrival(state, law.seated, par)
-    more, rested = cond(
-        is_soft & not_(by_contact), lambda: tell_afloat(state, law.rested, par), lambda: (0.0, law.rested)
+    more, rested, came = cond(
+        is_soft & not_(by_contact), lambda: tell_afloat(state, law.rested, par), lambda: (0.0, law.rested, False)
     )
-    is_absent = is_absent | (more > AFLOAT)
+    came = came & not_(is_there) & (law.seated <= 0.0)  # later ones are compared with those that have arrived
+    is_absent, seated = is_absent | (more > AFLOAT) | came, where(came, law.seated, seated)
     has_touched = by_contact & (heard.landing > 0.0) & not_(is_after(running, heard.landing, par))
     is_short = is_soft & not_(has_touched) & (is_absent | (by_contact & (heard.landing < 1.0)))
     is_felt = is_soft & is_there & not_(by_contact) & (law.missed > 0.0)

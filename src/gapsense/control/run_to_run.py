@@ -56,6 +56,7 @@ from gapsense.control.records import (
     Coil,
     Heard,
     Inputs,
+    Law,
     LawKind,
     Noted,
     Outputs,
@@ -229,6 +230,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
     half, by_contact = 1.0 - state.running.command, state.by_model < 1.0
     law, is_closing, is_ready = laws.read(state.laws, half), half > 0.5, _is_ready(state, inputs, par)
     falls_back, is_unsure = is_closing & _falls_back(state), not_(by_contact) & (law.missed >= laws.UNJUDGED)
+    law = _raise_unexplained(law, is_closing & is_unsure & (state.alarm < 1.0), par)
     goes_on = not_(is_closing) & ((state.running.is_plain > 0.0) | is_unsure)
     is_plain = goes_on | falls_back | (is_closing & (not_(is_ready) | (inputs.enable <= 0.5)))
     starts_again = falls_back & not_(by_contact)  # until the estimator explains some windows again
@@ -275,6 +277,13 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
         is_ready=where(starts_again, -1.0, where(is_closing & is_ready, 1.0, state.is_ready)),
         explained_well=where(starts_again, 0.0, state.explained_well),
     )
+
+
+def _raise_unexplained(law: Law, is_so: Scalar, par: Parameters) -> Law:
+    """Raise the next approach after a soft closing that neither an estimator nor the current saw arrive."""
+    faster, higher = laws.raise_approach(law, par)
+    is_so = is_so & (law.was_plain < 1.0) & (law.was_followed > 0.0)
+    return law._replace(speed=where(is_so, faster, law.speed), floor=where(is_so, higher, law.floor))
 
 
 def _count_averaged(count: Scalar, is_plain: Scalar) -> Scalar:
