@@ -95,6 +95,19 @@ def test_stop_that_is_left_at_once_is_told_by_the_current():
     assert state.heard.landing == pytest.approx(220.0, abs=5) and state.noted.hard == 1.0
 
 
+@pytest.mark.parametrize(("offset", "landing"), [(0.0, 220.0), (60e-6, 290.0)])
+def test_faint_hit_teaches_where_the_reluctance_shows_the_mover_at_its_stop(offset, landing):
+    """It is no alarm; a bend as large some way off the stop is none. The flux linkage rises once it is seated."""
+    fluxes = FLUX + 2e-5 * np.maximum(0.0, np.arange(LONGEST) - 250.0)
+    state = hit(CLOSING, 0.5, 220.0, fluxes)
+    away = np.where(np.arange(LONGEST) < 260, offset, 0.0) * bend.gap_slopes(PAR.stop_lower, make_mover(PAR))[0]
+    state.charges[LONGEST:][:LONGEST] += np.cumsum(fluxes * away) * PAR.sample_time
+    due = bend.due(bend.running_plan(state.running, PAR), PAR)
+    state = watched(state._replace(running=state.running._replace(due=due)), 290.0)
+    assert state.heard.landing == pytest.approx(landing, abs=5)
+    assert state.alarm == state.noted.changed == state.noted.hard == 0.0
+
+
 def noisy(state):
     """With 20 mA, and their pieces."""
     noise = 20e-3

@@ -6,7 +6,9 @@ import pytest
 from commanded import inputs, parameters
 
 from gapsense.control.coil import (
+    AVERAGED,
     DRIVEN,
+    TOP,
     average_top,
     cycle_resistance,
     driving,
@@ -21,6 +23,7 @@ from gapsense.control.coil import (
     raise_hold,
     steady_flux,
     take_estimates,
+    usual_current,
 )
 from gapsense.estimators.mhe.model import gap, make_gap
 
@@ -58,8 +61,9 @@ def test_with_noise_resistance_and_flux_linkage_are_means():
     coil, _ = driven(53.0, 48.0)
     assert learn_resistance(coil, 20.0, 1.0, True, PAR).measured == pytest.approx(48.5, rel=1e-3)
     assert learn_resistance(coil, 1.0, 1.0, True, PAR).measured == pytest.approx(53.0, rel=1e-3)
-    top = average_top(coil._replace(top=coil.flux - 1e-3), True, PAR).top
-    assert top == pytest.approx(coil.flux - 0.95e-3, rel=1e-9)
+    for noise, share in ((1e-3, TOP), (2.0 * AVERAGED * usual_current(PAR), 0.5 * TOP)):
+        top = average_top(coil._replace(top=coil.flux - 1e-3, noise=noise), True, PAR).top
+        assert top == pytest.approx(coil.flux - (1.0 - share) * 1e-3, rel=1e-9)
 
 
 @pytest.mark.parametrize("R", [44.0, 48.0, 53.0])

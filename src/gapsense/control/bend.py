@@ -38,6 +38,7 @@ AFLOAT, LEAVING = 0.79, 0.75  # of the reluctance at this share of a closing's l
 BESIDE, FARTHEST_BESIDE = 0.022, 0.08
 SATURATED = 0.2  # speed at a landing that its core explains: from then on it is taken away [m/s]
 RISEN = 0.5e-3  # flux linkage by which the reluctance of a core is told [Wb]
+AT_STOP, AWAY = 20e-6, 45e-6  # from its stop, by the reluctance: a mover that is nearer has hit it; farther has not [m]
 SLOW = 0.5  # of the first approach: by slower ones a core is told from a hit
 # time after that at which a mover that floats is told; by so much, and standard deviations of noise, it gets faster
 FLOATING, FASTER, DEVIATIONS = 0.25e-3, 0.05, 3.0  # [s], [m/s]
@@ -62,13 +63,23 @@ class Bounds(NamedTuple):
     """Which bends of the current are hits."""
 
     hit: Scalar  # speed beyond which a stop that no contact tells is hit, and which noise does not explain [m/s]
+    faint: Scalar  # the same of a closing whose reluctance shows besides that the mover was at its stop [m/s]
     latest: Scalar  # time after the planned arrival in which it is still heard [s]
     core: Scalar  # share of a bend that makes it the core's
     beyond: Scalar  # speed of a bend that is a hit for all that [m/s]
 
 
-WITH_CONTACT = Bounds(hit=0.4, latest=0.0, core=0.4, beyond=0.75)
-ALONE = Bounds(hit=0.55, latest=1e-3, core=0.6, beyond=0.9)
+class Core(NamedTuple):
+    """What a core has to do with a bend."""
+
+    speed: Scalar  # that it explains [m/s]
+    farther: Scalar  # from the stop than when seated, by the reluctance [m]
+    away: Scalar  # the same without what the core adds to it [m]
+    is_known: Scalar  # 1: the core's part is
+
+
+WITH_CONTACT = Bounds(hit=0.4, faint=0.25, latest=0.0, core=0.4, beyond=0.75)
+ALONE = Bounds(hit=0.55, faint=0.55, latest=1e-3, core=0.6, beyond=0.9)
 
 
 def choose_bounds(state: State) -> Bounds:
@@ -88,7 +99,7 @@ def find_hardest_bend(state: State, par: Parameters) -> Heard:
 
     def looked() -> tuple[Scalar, Scalar]:
         speed, noise = _impact(state, at, par)
-        is_harder = (speed > heard.hardest) & (speed > _softest_hit(state, noise))
+        is_harder = (speed > heard.hardest) & (speed > _softest_hit(state, noise, _faintest(state, par)))
         return where(is_harder, speed, heard.hardest), where(is_harder, at, heard.hit)
 
     def near() -> tuple[Scalar, Scalar]:
@@ -138,9 +149,22 @@ def moved_earlier(sample: Scalar, samples: Scalar) -> Scalar:
     return where(sample > samples + 1.0, sample - samples, where(sample > 0.0, 1.0, 0.0))
 
 
-def _softest_hit(state: State, noise: Scalar) -> Scalar:
-    """Speed beyond which a stop that no contact tells is hit."""
-    bound = choose_bounds(state).hit
+def _faintest(state: State, par: Parameters) -> Scalar:
+    """Speed beyond which a bend may be a hit: a lower one in slow closings [m/s]."""
+    running, bounds = state.running, choose_bounds(state)
+    is_slow = (running.command > 0.5) & (running.speed < SLOW * par.approach_first)
+    return where(is_slow, bounds.faint, bounds.hit)
+
+
+def is_faint(state: State, par: Parameters) -> Scalar:
+    """Whether the bend that is taken for a hit is only one by its reluctance."""
+    running = state.running
+    _, noise = speed_at(state, running.command, state.heard.hit, running.piece, par)
+    return state.heard.hardest <= _softest_hit(state, noise, choose_bounds(state).hit)
+
+
+def _softest_hit(state: State, noise: Scalar, bound: Scalar) -> Scalar:
+    """Speed beyond which a stop that no contact tells is hit, by one without noise."""
     explained = OFTEN + MOST * noise
     longer = where(explained > bound, explained, bound)
     return where(state.running.averaged > 0.0, longer, bound + VAGUE * noise)
@@ -150,7 +174,7 @@ def landing_speed(state: State, par: Parameters) -> Scalar:
     """Impact speed of the operation that has just ended, less what unusual noise may have added [m/s]."""
     at = state.heard.landing
     speed, noise = _impact(state, at, par)
-    core, _ = _core_share(state, at, at, par)
+    core = _core_at(state, at, at, par).speed
     is_first = state.running.speed >= par.approach_first  # else it would fall back to another first one for ever
     speed = where(is_first & (core > SATURATED), speed - core, speed)
     usual = where(state.running.averaged > 0.0, 0.0, USUAL)  # then the contact's time tells besides
@@ -177,13 +201,15 @@ def is_of_core(state: State, par: Parameters) -> Scalar:
     landing = where(is_alone, running.due, heard.landing)
     is_kept = (heard.hit > 0.0) & (landing > heard.hit + 2.0 * running.piece)
     is_slow = is_alone | (running.speed < SLOW * par.approach_first)
-    share, is_lighter = _core_share(state, heard.hit, where(is_kept, landing, LONGEST), par)
-    bounds = choose_bounds(state)
-    return is_slow & is_lighter & (heard.hardest < bounds.beyond) & (share > bounds.core * heard.hardest)
+    core, bounds = _core_at(state, heard.hit, where(is_kept, landing, LONGEST), par), choose_bounds(state)
+    is_lighter = (core.farther < 0.0) & (core.speed > bounds.core * heard.hardest)
+    is_apart = core.is_known & (core.away > AWAY)
+    is_core = where(is_alone, is_lighter, is_apart) & (heard.hardest < bounds.beyond)
+    return is_slow & (is_core | (not_(is_alone) & is_faint(state, par) & not_(core.is_known & (core.away < AT_STOP))))
 
 
-def _core_share(state: State, at: Scalar, landing: Scalar, par: Parameters) -> tuple[Scalar, Scalar]:
-    """Speed that the bend of a closing's current at a sample has from its core, and whether it had less reluctance.
+def _core_at(state: State, at: Scalar, landing: Scalar, par: Parameters) -> Core:
+    """What the core has to do with the bend of a closing's current at a sample.
 
     How much the reluctance of the core grows with the flux linkage is told with the mover seated: after its landing by
     the contact, or after it is to have arrived.
@@ -199,8 +225,9 @@ def _core_share(state: State, at: Scalar, landing: Scalar, par: Parameters) -> t
     slope, _ = gap_slopes(m.gap.smallest, m)
     seated = _reluctance(state, landing, n, par)
     growth = (_reluctance(state, later, n, par) - seated) / where(more > RISEN, more, 1.0)
-    share = where(is_kept & (more > RISEN), growth * bend / slope, 0.0)
-    return share, _reluctance(state, hit, n, par) < seated
+    is_known, farther = is_kept & (more > RISEN), (_reluctance(state, hit, n, par) - seated) / slope
+    away = farther - growth * (load(state.fluxes, hit) - load(state.fluxes, landing)) / slope
+    return Core(where(is_known, growth * bend / slope, 0.0), farther, away, is_known)
 
 
 def has_floated(state: State, par: Parameters) -> Scalar:

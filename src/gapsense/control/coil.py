@@ -24,7 +24,7 @@ HOLDS = 0.1  # of the usual current: less does not tell the resistance
 MEAN = 0.5  # of a zero that noise explains
 LANDED, SURE = 0.01, 5.0  # of the usual current: it rises by more where a mover lands; standard deviations of noise
 TOP, APART = 0.3, 6.0  # share by which the mean of the last closings follows; farther from it is another one [Wb]
-STEADIER, SOMEWHERE = 0.05, 2e-3  # the same if the current is noisy
+SOMEWHERE = 2e-3  # the latter if the current is noisy
 SLOWER = 0.1  # then: share by which the resistance and the first flux linkage follow, once there were so many cycles
 AVERAGED = 0.0075  # of the usual current: from such a noise on its means are used with a contact, and longer pieces
 QUIET = 2.0  # of that noise: with more the bend of the current tells no delay of a contact
@@ -327,10 +327,14 @@ def shift_flux(coil: Coil, change: Scalar) -> Coil:
 
 
 def average_top(coil: Coil, is_noisy: Scalar, par: Parameters) -> Coil:
-    """Average the flux linkage at the end of soft closings, which is nearly the same each time."""
-    off = coil.flux - coil.top
+    """Average the flux linkage at the end of soft closings, which is nearly the same each time.
+
+    With more noise the mean follows more slowly, but no more than that takes: a coil that gets warm has less each time.
+    """
+    off, least = coil.flux - coil.top, AVERAGED * usual_current(par)
+    share = TOP * where(is_noisy & (coil.noise > least), least / coil.noise, 1.0)
     is_near = fabs(off) < where(is_noisy, SOMEWHERE, APART * wandering(coil, par))
-    top = where(is_near, coil.top + where(is_noisy, STEADIER, TOP) * off, coil.flux)
+    top = where(is_near, coil.top + share * off, coil.flux)
     return coil._replace(top=top, shift=top - coil.flux, flux=top)
 
 

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from gapsense.control import laws
-from gapsense.control.bend import has_floated, is_of_core, landing_speed, moved_earlier, tell_afloat, tell_arrival
+from gapsense.control.bend import (
+    has_floated,
+    is_faint,
+    is_of_core,
+    landing_speed,
+    moved_earlier,
+    tell_afloat,
+    tell_arrival,
+)
 from gapsense.control.coil import is_quiet, left_open, raise_hold, steadied_error, wandering
 from gapsense.control.mover import balance, make_mover
 from gapsense.control.profile import arrival, path, stops
@@ -95,7 +103,9 @@ def judged_by_current(state: State, par: Parameters) -> State:
     speed = where(is_hit & (heard.hardest > speed), heard.hardest, speed)
     timed = _speed_by_time(state, par)
     speed = where(by_contact & (running.averaged > 0.0) & (timed > speed), timed, speed)
-    is_hard = is_soft & (speed > AUDIBLE)
+    # a faint hit teaches; it is no alarm
+    is_only_faint = (heard.hit > 0.0) & (heard.landing == heard.hit) & is_faint(state, par)
+    is_hard = is_soft & (speed > AUDIBLE) & not_(is_only_faint)
     law = laws.read(state.laws, running.command)
     is_there, is_absent, seated = tell_arrival(state, law.seated, par)
     more, rested, came = cond(
@@ -117,7 +127,8 @@ def judged_by_current(state: State, par: Parameters) -> State:
     law = law._replace(speed=where(is_slow, faster, law.speed), floor=where(is_slow, higher, law.floor))
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
-    return _raise_alarm(state, running.command, is_short | (is_soft & (speed > _most(running.speed))), par)
+    is_loud = is_soft & (speed > _most(running.speed)) & not_(is_only_faint)
+    return _raise_alarm(state, running.command, is_short | is_loud, par)
 
 
 def _speed_by_time(state: State, par: Parameters) -> Scalar:
