@@ -12,7 +12,7 @@ from gapsense.fmi.components import kernel_parameters, own
 from gapsense.scenarios.estimators.parameters import VALVE, blind
 from gapsense.scenarios.run_to_run.chain import Chain, Running
 from gapsense.scenarios.run_to_run.comparison import SEED, TUNED_ON
-from gapsense.scenarios.run_to_run.conditions import CONDITIONS, LEARNING, samples
+from gapsense.scenarios.run_to_run.conditions import CONDITIONS, LEARNING, Condition, samples
 from gapsense.scenarios.run_to_run.cycles import NEVER, NUMBERS, Outcome, outcome
 from gapsense.scenarios.run_to_run.loops import loop_of
 from gapsense.scenarios.run_to_run.measures import (
@@ -112,6 +112,13 @@ def test_closing_that_stalls_is_followed_by_an_ordinary_one_and_later_by_faster_
     """24 V hardly close this actuator. Before, 4 closings did not arrive, twice 2 in a row."""
     row = outcome("model", CONDITIONS["normal-10"], 884, range(26, 27), 40)
     assert noticed(row).twice == 0 and np.sum(row.speeds[LEARNT:] == NEVER) < 2
+
+
+@pytest.mark.slow
+def test_a_contact_that_stays_late_tells_of_a_mover_that_bounces():
+    """It hits its open stop hard in every cycle, early and without a current that could tell; the contact is late."""
+    seen = noticed(outcome("contact", Condition("restitution 0.2", {"stop_restitution": 0.2}), 1601, range(30), 40))
+    assert seen.hard > 700 and seen.told > 0.7 * seen.hard and seen.wrongly == 0  # 57 % by the current alone
 
 
 @pytest.mark.slow

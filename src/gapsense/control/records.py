@@ -172,6 +172,7 @@ class Law(NamedTuple):
     floated: Scalar  # 1: the last one has ended; its mover went on after the planned arrival, by the current
     seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
     rested: Scalar  # the same of closings, over the root of that once they are held; 0: not known [H^(-1/2)]
+    tardy: Scalar  # soft ones in a row whose contact came late, beyond what is learnt from
 
 
 LAW = len(names(Law))  # numbers in memory
