@@ -121,7 +121,7 @@ def test_turnover_of_the_hysteresis_is_found_beyond_ten_times_the_guess():
 
 
 def test_a_search_that_ends_where_no_minimum_is_says_so(monkeypatch):
-    monkeypatch.setattr(fit, "minimise", lambda p, x, *_: Minimum(x, p.residuals([x])[0], 0, np.zeros(x.size, bool)))
+    monkeypatch.setattr(fit, "minimise", lambda p, x, *_: Minimum(x, p.residuals([x])[0], 0))
     result = fit.commission([record(samples=1100)], BELIEVED)
     (said,) = [text for text in file.remarks(result, fit.with_bend(BELIEVED)) if "The search ends" in text]
     assert "without one step from what was believed" in said and not result.is_minimum

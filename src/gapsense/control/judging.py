@@ -31,7 +31,7 @@ SURELY = 0.6  # a speed with which the current tells a hit that no contact in ti
 TARDY = 0.3e-3  # a contact that comes so long after the plan may have missed the stop [s]
 AUDIBLE = 0.42  # impact speed by the current that is hard [m/s]
 AHEAD = 600.0  # speed by the distance that the plan had left at a landing [1/s]
-BOUNCED, STUBBORN = 0.25, 3.0  # first travels by which a contact is late; so many times in a row its mover bounces
+BOUNCED, STUBBORN = 0.25, 3.0  # travels by which a contact is late; so many openings in a row of a mover that bounces
 DROPPED, DROPS = 0.68, 0.5  # travels after the planned arrival: later a mover had been let go; its speed [m/s]
 SLOWER, AFLOAT = 0.08, 0.14  # more reluctance of a closing with a noisy current: it was too slow; its mover floated
 FELT = 0.25  # of a closing that only the current tells: with the second one in a row an ordinary cycle is due
@@ -73,10 +73,22 @@ def judged_by_contact(state: State, par: Parameters) -> State:
     """Judge an ended operation by its contact, and by the current where that tells an earlier hit."""
     heard, is_plain = _with_hit(state, par), state.running.is_plain > 0.0
     says_nothing = is_plain & (heard.takeoff < 1.0) & (heard.landing < 1.0) & (state.is_open < 1.0)
-    noted = state.noted._replace(unseen=where(says_nothing, 1.0, state.noted.unseen))
+    tardy = _count_tardy(state, heard.landing, par)
+    noted = state.noted._replace(
+        unseen=where(says_nothing, 1.0, state.noted.unseen), hard=where(tardy >= STUBBORN, 1.0, state.noted.hard)
+    )
     has_landed = where(heard.landing > 0.0, 1.0, 0.0)
-    state = state._replace(heard=heard, noted=noted)
+    state = state._replace(heard=heard, noted=noted, tardy=tardy)
     return _judge_landing(state, state.running.command, has_landed, heard.landing * par.sample_time, par)
+
+
+def _count_tardy(state: State, landing: Scalar, par: Parameters) -> Scalar:
+    """Count soft openings in a row that are late for all that was learnt: their movers hit the stop and bounce."""
+    running = state.running
+    plan = running_plan(running, par)
+    is_late = landing * par.sample_time - plan.lead - arrival(plan) > BOUNCED * plan.travel
+    is_tardy = (running.is_plain < 1.0) & (landing > 0.0) & is_late & is_quiet(state.coil, par)
+    return where(running.command > 0.5, state.tardy, where(is_tardy, state.tardy + 1.0, 0.0))
 
 
 def judged_by_reluctance(state: State, par: Parameters) -> State:
@@ -285,9 +297,6 @@ def _judge_landing(state: State, half: Scalar, has_landed: Scalar, landing: Scal
     is_late = laws.is_late(has_landed, after, first, state.running.averaged > 0.0)
     is_weak = (has_landed < 1.0) & (state.by_model < 1.0)
     kept = where(state.by_model > 0.0, state.is_strong, 0.0)  # what the reluctance says, an estimator does not deny
-    # what is learnt mends a contact that is late, unless the mover has hit its stop and bounced before
-    is_tardy = (state.by_model < 1.0) & (has_landed > 0.0) & (after > BOUNCED * first) & is_quiet(state.coil, par)
-    law = law._replace(tardy=where(is_tardy, law.tardy + 1.0, 0.0))
     plain = law._replace(missed=where(has_landed > 0.0, 0.0, 1.0 + where(state.by_model > 0.0, law.missed, 0.0)))
 
     def soft() -> Law:
@@ -296,6 +305,5 @@ def _judge_landing(state: State, half: Scalar, has_landed: Scalar, landing: Scal
     return state._replace(
         laws=laws.write(state.laws, half, cond(is_plain, lambda: plain, soft)),
         fell=where(is_late | laws.has_raised(law, half), 1.0, 0.0),
-        noted=state.noted._replace(hard=where(law.tardy >= STUBBORN, 1.0, state.noted.hard)),
         is_strong=where(half > 0.0, where(is_plain & is_weak, 1.0, kept), state.is_strong),
     )

@@ -172,7 +172,6 @@ class Law(NamedTuple):
     floated: Scalar  # 1: the last one has ended; its mover went on after the planned arrival, by the current
     seated: Scalar  # reluctance with which a mover that has arrived is seated, of that when open; 0: not known
     rested: Scalar  # the same of closings, over the root of that once they are held; 0: not known [H^(-1/2)]
-    tardy: Scalar  # soft ones in a row whose contact came late, beyond what is learnt from
 
 
 LAW = len(names(Law))  # numbers in memory
@@ -318,6 +317,7 @@ class State(NamedTuple):
     is_ready: Scalar  # 1: enough is known for soft cycles; -1: it was, and two in a row did not arrive
     is_strong: Scalar  # 1: the voltage that holds is the largest one, as an ordinary closing did not arrive
     is_open: Scalar  # 1: the last ordinary closing has left the mover open
+    tardy: Scalar  # soft openings in a row whose contact came late, though it is learnt from
     contact_late: Scalar  # by which the contact of ordinary closings came after the bend, their mean of late [s]
     late: Annotated[Scalar, Whole(0, PIECES)]  # samples of that which are taken away; 0: it is prompt
     fell: Scalar  # 1: the last operation that was judged did not arrive in time
