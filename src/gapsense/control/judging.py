@@ -136,8 +136,7 @@ def judged_by_current(state: State, par: Parameters) -> State:
     law = law._replace(floated=where(floated, 1.0, 0.0))
     # an estimator may take a closing that floated for landed, or not tell it
     is_slow = floated & (running.command > 0.5) & (law.was_followed > 0.0)
-    faster, higher = laws.raise_approach(law, par)
-    law = law._replace(speed=where(is_slow, faster, law.speed), floor=where(is_slow, higher, law.floor))
+    law = laws.raise_where(law, is_slow, par)
     state = state._replace(laws=laws.write(state.laws, running.command, law))
     state = state._replace(noted=state.noted._replace(hard=where(is_hard, 1.0, state.noted.hard)))
     is_loud = is_soft & (speed > _most(running.speed)) & not_(is_only_faint)

@@ -79,6 +79,12 @@ def raise_approach(law: Law, par: Parameters) -> tuple[Scalar, Scalar]:
     return where(faster < par.approach_first, faster, par.approach_first), higher
 
 
+def raise_where(law: Law, is_so: Scalar, par: Parameters) -> Law:
+    """`law` with the next approach raised, where that is due."""
+    faster, higher = raise_approach(law, par)
+    return law._replace(speed=where(is_so, faster, law.speed), floor=where(is_so, higher, law.floor))
+
+
 def has_raised(law: Law, half: Scalar) -> Scalar:
     """Whether the next approach was raised when the last operation ended: a closing that floated."""
     return (law.floated > 0.0) & (half > 0.5)

@@ -281,9 +281,7 @@ def _begin_operation(state: State, inputs: Inputs, par: Parameters) -> State:
 
 def _raise_unexplained(law: Law, is_so: Scalar, par: Parameters) -> Law:
     """Raise the next approach after a soft closing that neither an estimator nor the current saw arrive."""
-    faster, higher = laws.raise_approach(law, par)
-    is_so = is_so & (law.was_plain < 1.0) & (law.was_followed > 0.0)
-    return law._replace(speed=where(is_so, faster, law.speed), floor=where(is_so, higher, law.floor))
+    return laws.raise_where(law, is_so & (law.was_plain < 1.0) & (law.was_followed > 0.0), par)
 
 
 def _count_averaged(count: Scalar, is_plain: Scalar) -> Scalar:
